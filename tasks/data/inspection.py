@@ -22,6 +22,7 @@ from sinew.tasks.data.heads import Row
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.layout import NoTable
 from sinew.tasks.data.length_columns import contradiction, length_beside, lengths_at_zeros, numbers_of
+from sinew.tasks.data.other_tests import refuse_other_tests
 from sinew.tasks.data.possible_columns import counts, holds_numbers, titles_by_unit
 from sinew.tasks.data.quantities import DISPLACEMENT, LENGTH, LOADS, MOTIONS, POSITION, STRAIN, STRESS, STRETCH
 from sinew.tasks.data.recording import Recording
@@ -152,6 +153,7 @@ def _refuse_no_test(
     """Raises :class:`BadInput` for a table of anything else than a test, as of results; ``numbers`` ``[t, 3]``."""
     refuse_oscillations(table)
     refuse_shear(table, *columns[1:])
+    refuse_other_tests(table, columns, hints)
     if not hints.columns_given:
         _refuse_too_few_columns(table, columns)
         if columns[0] is None and columns[2] is None:

@@ -20,6 +20,7 @@ from sinew.tasks.data.joined_tables import are_steps, as_one, joined_tables, tim
 from sinew.tasks.data.layout import NoTable
 from sinew.tasks.data.length_columns import Repeats, contradiction, length_beside, lengths_at_zeros, repeats_of
 from sinew.tasks.data.marks import refuse_marks
+from sinew.tasks.data.other_tests import refuse_other_tests
 from sinew.tasks.data.possible_columns import titles_of_numbers
 from sinew.tasks.data.quantities import DISPLACEMENT
 from sinew.tasks.data.questions import NoColumn, Unclear
@@ -103,6 +104,7 @@ def _read(source: Source, hints: Hints, *, first_of_alike: bool) -> list[Recordi
                 raise NoColumn(str(table.path), UNITS_ALONE, "titles of time, displacement and force")
             refuse_results(table, columns, count, hints)
             refuse_oscillations(table)
+            refuse_other_tests(table, columns, hints)
             if count == 1 and not first_of_alike:
                 columns = recognise(table, hints)
         except (NoColumn, Oscillations) as error:

@@ -36,7 +36,8 @@ _OTHERS = frozenset({"sp", "cmd", "ref", "max", "min", "avg", "rms", "std", "sd"
 #: Words beside a name that change nothing of it: ``Primary load measurement``, ``Contrainte nominale``.
 _FILLERS = frozenset({
     "measurement", "measured", "raw", "primary", "value", "values", "signal", "reading", "data",
-    "actual", "istwert", "messwert", "mesure", "mesurée", "medido", "medida", "smoothed", "filtered", "resampled",
+    "actual", "current", "lead", "actuator",
+    "istwert", "messwert", "mesure", "mesurée", "medido", "medida", "smoothed", "filtered", "resampled",
 })  # fmt: skip
 _NOMINAL = frozenset({"nominal", "nominale", "nominelle"})  # of a strain or a stress: referred to the first sizes
 _SPECIMEN = re.compile(r"([^\W\d_]+)\d{1,3}")  # in front of a name: ``RD2 force``

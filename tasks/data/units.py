@@ -7,7 +7,7 @@ from functools import lru_cache
 Units = Mapping[str, float]
 LONGEST = 40  # characters of a spelling
 
-MASSES = frozenset({"g", "kg", "mg"})  # that some write for a force
+MASSES = frozenset({"g", "gram", "grams", "kg", "mg"})  # that some write for a force
 TIME: Units = {
     "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "min": 60.0,
     "minutes": 60.0, "us": 1e-6, "µs": 1e-6, "h": 3600.0,
@@ -40,7 +40,7 @@ _SPELLINGS = {
     "minute": "min", "mins": "min", "minuten": "min", "minutos": "min", "分": "min", "分钟": "min",
     "hr": "h", "hour": "h", "hours": "h", "sek": "s", "sec.": "s", "sek.": "s",
     "seg": "s", "sekunden": "s", "secondes": "s", "segundos": "s",
-    "秒": "s", "초": "s", "毫秒": "ms", "millisecond": "ms", "milliseconds": "ms", "msecs": "ms",
+    "秒": "s", "초": "s", "毫秒": "ms", "millisecond": "ms", "milliseconds": "ms", "msecs": "ms", "millis": "ms",
     "inch": "in", "inches": "in", '"': "in", "mils": "mil", "feet": "ft", "毫米": "mm", "厘米": "cm", "微米": "um",
     "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
     "lb": "lbf", "lbs": "lbf", "pounds": "lbf", "kilonewton": "kN", "牛": "N", "牛顿": "N", "千牛": "kN", "克力": "gf",

@@ -19,9 +19,11 @@ TIME = (
     "time on sample", "общее время", "полное время", "time since start of test", "time since start", "timestamp",
     "time stamp",
     "zeitstempel", "(s)", "(sec)", "(Sec)", "(seconds)", "(Seconds)", "(ms)", "(min)",
+    "(millis)", "(Millis)",
 )  # fmt: skip
 DISPLACEMENT = (
-    "displacement", "disp", "extension", "elongation", "tensile extension", "tensile displacement", "deformation",
+    "displacement", "disp", "displacment",
+    "extension", "elongation", "tensile extension", "tensile displacement", "deformation",
     "crosshead displacement", "grip displacement", "stroke", "standardweg", "weg", "traversenweg", "verlängerung",
     "déplacement", "deplacement", "allongement", "desplazamiento", "u", "d", "dl", "δl", "delta l",
     "axial displacement", "displacement into surface", "pd", "penetration depth", "crosshead extension",
@@ -101,7 +103,7 @@ FORCE = (
     "load cell", "axial force", "axial load", "standard force", "tensile load", "compressive load", "compressive force",
     "reaction force", "rf", "normal force", "zugkraft", "druckkraft", "force standard", "effort", "carga", "forza",
     "carico", "força", "static force", "force feedback", "axial force feedback", "load feedback", "axial load feedback",
-    "load on sample", "fn", "kracht", "trekkracht", "voima", "forță", "forţă", "forta", "síla", "sila", "erő",
+    "load on sample", "scale", "fn", "kracht", "trekkracht", "voima", "forță", "forţă", "forta", "síla", "sila", "erő",
     "δύναμη", "gaya", "beban",
     "machine load", "obciążenie", "siła", "усилие", "нагрузка", "сила", "yük", "kuvvet",
     "力", "载荷", "负荷", "负载", "力值", "试验力", "拉力", "压力", "載荷", "荷重", "試験力", "하중", "힘",

@@ -149,6 +149,8 @@ def test_a_number_at_the_end_of_a_name_is_that_of_a_channel():
         ("t_s", "Déformation nominale (%)", "Contrainte nominale (MPa)"),
         ("t_s", "Steel1_Strain_%", "Steel1_Stress_MPa"),
         ("t_s", "Position des Aktuators (mm)", "RD2_force_kN"),
+        ("current_time (s)", "Lead Actuator Displacment (mm)", "Lead Actuator Force (kN)"),
+        ("Millis", "Travel (mm)", "Scale (gf)"),
     ],
 )
 def test_words_that_change_nothing_do_not_hide_a_name(titles):

@@ -208,8 +208,8 @@ def test_a_displacement_that_is_set_to_zero_again_after_a_preload_is_doubtful_un
 @pytest.mark.parametrize(
     ("motion", "force"),
     [
-        (np.where(LATER, AFTER, PULL), np.where(LATER, AFTER, PULL)),  # the specimen was let go
-        (PULL - AFTER, PULL - AFTER),
+        (np.where(LATER, AFTER, PULL), 3.0 * np.where(LATER, AFTER, PULL)),  # the specimen was let go
+        (PULL - AFTER, 3.0 * (PULL - AFTER)),
         (0.0 * PULL, PULL),
         # broken, and moved back in two rows; cycles that end in a slack region, without load
         (np.where(LATER, 0.0, PULL) + 2.0 * (np.arange(401) == 300), np.where(SAMPLES_S < 5.0, SAMPLES_S, 0.0)),
@@ -254,7 +254,7 @@ def test_few_rows_before_a_new_zero_are_enough_and_an_option_that_finds_none_say
     assert [doubt.option for doubt in as_told(recording, Hints()).doubts] == ["--preload"]
     assert len(as_told(recording, Hints(preload="leave-out")).numbers) == 40
     nowhere = "--preload has no effect: the displacement is never set to zero again"
-    assert sampled(tmp_path, PULL, PULL, preload="keep").notes == (nowhere,)
+    assert sampled(tmp_path, PULL, 3.0 * PULL, preload="keep").notes == (nowhere,)
 
 
 def test_what_is_kept_beside_the_force_goes_with_the_rows(tmp_path):
