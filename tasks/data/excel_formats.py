@@ -34,6 +34,7 @@ HIDES = re.compile(rb"<(?:\w+:)?(?:row|col)\b[^<>]*\b(?:hidden=|(?:ht|width)=[\"
 PLACE = re.compile(rb"<(?:\w+:)?c\s(?:[^>]*?\s)?r=[\"']([A-Z]{1,3})([0-9]{1,7})[\"']")
 TRUE = ("1", "true")
 LAST_COLUMN, MOST_RULES = 2**14, 200  # of a sheet
+MOST_FORMATS = 200_000  # of a workbook, with those of its cells; Excel has at most 65,490 of cells
 
 
 @dataclass
@@ -116,10 +117,13 @@ def _scaling_styles(archive: zipfile.ZipFile, path: str) -> Styles:
     """The styles that do not show numbers as they are."""
     formats: dict[int, str | None] = dict.fromkeys(PERCENT_FORMATS, PERCENT)
     found = Styles()
-    inside, count, rule = "", 0, 0
+    inside, count, rule, told = "", 0, 0, 0
     with archive.open(path) as file:
         for event, element in parsed(file):
             name = local(element.tag)
+            told += event == "end" and name in ("numFmt", "xf")
+            if told > MOST_FORMATS:
+                raise TooMuch(f"more than {MOST_FORMATS:,} formats", AS_EXCEL)
             if name in ("cellXfs", "dxfs"):
                 inside = name if event == "start" else ""
             elif event == "end" and name == "numFmt":

@@ -64,7 +64,7 @@ def name_and_unit(title: str, below: str = "") -> tuple[str, str]:
     if title.lower() in words.STRETCH:
         return title.lower(), below
     if len(title) > _LONGEST:
-        return _plain(title), below
+        return _plain(title[:_LONGEST]), below  # no name of a column; words are looked for in it again and again
     if (inside := _BRACKETS.fullmatch(title)) is not None and not units.is_unit(inside[1].strip()):  # "(Load)"
         title = inside[1].strip()
     if (front := _IN_FRONT.fullmatch(title)) is not None and units.is_unit(front[1].strip()):

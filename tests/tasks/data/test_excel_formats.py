@@ -1,13 +1,17 @@
 """What a workbook of Excel shows, where that is not what it holds, and what it hides."""
 
 import shutil
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data import excel_formats
+from sinew.tasks.data.excel_formats import looks_of_xlsx
 from sinew.tasks.data.hints import Hints
 from sinew.tasks.data.recordings import read_recordings
+from sinew.tasks.data.sheet_look import TooMuch
 from sinew.tasks.data.sheets import read_sheets
 from tests.tasks.data.test_sheets import MAIN, STYLES, cell, of_style, rewritten, rows_of, styled, write_workbook
 
@@ -32,6 +36,19 @@ def test_a_format_of_another_rule_is_none_of_a_style(tmp_path, number, code, of,
     styles = STYLES.replace("<cellStyleXfs>", f"{rules}<cellStyleXfs>")
     path = write_workbook(tmp_path / "a.xlsx", styles, one=styled(of_style(of)))
     assert rows_of(path)["one"][0][1] == title
+
+
+def test_formats_without_end_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(excel_formats, "MOST_FORMATS", 90)
+    one = '<numFmt numFmtId="164" formatCode="0.0"/>'
+    for count, refused in ((20, False), (50, True)):
+        styles = STYLES.replace("<numFmts>", f"<numFmts>{one * count}")
+        with zipfile.ZipFile(write_workbook(tmp_path / "a.xlsx", styles, one=styled(0))) as archive:
+            if refused:
+                with pytest.raises(TooMuch, match="more than 90 formats"):
+                    looks_of_xlsx(archive, {name.lower(): name for name in archive.namelist()})
+            else:
+                looks_of_xlsx(archive, {name.lower(): name for name in archive.namelist()})
 
 
 @pytest.mark.parametrize("code", ['"-"0.0', '0.0"00"'])

@@ -40,6 +40,8 @@ def test_a_force_that_is_the_displacement_is_refused(tmp_path):
     other[30] += 0.001
     taken(table(tmp_path / "other.csv", titles, TIMES, PULL, other))
     taken(table(tmp_path / "counts.csv", titles, TIMES, np.arange(60), np.arange(60)))
+    steps = np.round(0.1 * (np.arange(60) // 2), 3)  # 30 numbers
+    taken(table(tmp_path / "steps.csv", titles, TIMES, steps, steps))
 
 
 @pytest.mark.parametrize("line", ["Method : Oliver & Pharr", "Nano-indentation of a cell wall", "Tip,Berkovich"])
@@ -57,3 +59,12 @@ def test_a_plate_that_turns_is_refused(tmp_path, turns):
     refused(path, "and a torque: a test that turns the specimen; expected a test in tension or compression")
     taken(path, NAMED)
     taken(table(tmp_path / "b.csv", titles, TIMES, 9.0 - PULL, FORCE, 0.0 * FORCE, 0.0 * PULL))  # squeezed only
+    for name, begins in (("c", 4.0), ("d", 0.3)):
+        turning = np.where(begins <= TIMES, 0.1, 0.0)
+        path = table(tmp_path / f"{name}.csv", titles, TIMES, 9.0 - PULL, FORCE, FORCE, turning)
+        if name == "c":
+            taken(path)
+        else:
+            refused(path, "a test that turns the specimen")
+    without = titles.replace("Torque (uNm)", "Temperature (°C)")
+    taken(table(tmp_path / "e.csv", without, TIMES, 9.0 - PULL, FORCE, FORCE, 0.1 + 0.0 * PULL))

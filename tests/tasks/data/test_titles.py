@@ -101,6 +101,11 @@ def test_titles_take_time_with_their_length_alone():
                 name_and_unit(f"{number}{title}"[:300])
 
 
+def test_a_page_of_text_is_no_name():
+    name, unit = name_and_unit("Force (N)" * 20_000, "kN")
+    assert (len(name), unit) == (300, "kN")
+
+
 @pytest.mark.parametrize(
     "title",
     [

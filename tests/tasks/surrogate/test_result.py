@@ -42,6 +42,7 @@ def test_it_is_read_as_it_was_written(tmp_path):
         ({"components": [OfComponent("chaos", 0, np.zeros(4), 0.01)]}, "with 4 numbers"),
         ({"components": [OfComponent("chaos", 200, np.zeros(4), 0.01)]}, "with 4 numbers"),
         ({"sizes": [96, 96]}, "sizes"),
+        ({"sizes": [-1, 96]}, "sizes"),
         ({"errors": np.full((2, 2), 0.01)}, "sizes"),
         ({"courses": {}}, "no courses"),
         ({"specimens": {}}, "no specimens"),
