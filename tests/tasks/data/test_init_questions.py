@@ -29,6 +29,20 @@ def test_files_and_folders_of_tables_are_found_once(tmp_path):
         find_tables([table(tmp_path / "c" / "notes.md").parent])
 
 
+def test_links_that_leave_a_folder_are_left_out(tmp_path):
+    """Of a folder from somebody else; a link within it, and one that a person names, is a file as any other."""
+    mine = table(tmp_path / "mine" / "secret.csv")
+    inside = table(tmp_path / "bench" / "deeper" / "T1.csv")
+    (tmp_path / "bench" / "T2.csv").symlink_to(inside)
+    for name in ("bench/T3.csv", "bench/deeper/T4.csv", "T5.csv"):
+        (tmp_path / name).symlink_to(mine)
+    found = find_tables([tmp_path / "bench"])
+    assert [path.name for path in found.in_folders] == ["T2.csv"]
+    why = "a link that leaves the folder; name it itself, if it is meant"
+    assert found.left_out == ((tmp_path / "bench" / "T3.csv", why), (tmp_path / "bench" / "deeper" / "T4.csv", why))
+    assert find_tables([tmp_path / "T5.csv"]).named == (tmp_path / "T5.csv",)
+
+
 def test_files_of_a_folder_without_a_table_are_left_out_and_named(tmp_path, capsys):
     table(tmp_path / "bench" / "T1.csv")
     (tmp_path / "bench" / "SOURCE.txt").write_text("These are the tests of May.\nAsk the lab for more.\n")

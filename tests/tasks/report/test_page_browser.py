@@ -109,10 +109,10 @@ def test_a_picked_specimen_changes_its_plots(chromium, page):
 
 
 @pytest.mark.browser
-@pytest.mark.usefixtures("page")
-def test_hovering_shows_values(chromium):
+def test_hovering_shows_values(chromium, whole_run):
     from selenium.webdriver import ActionChains
 
+    opened(chromium, whole_run / "report.html")  # anew: a page that still scrolls smoothly moves below the pointer
     place = chromium.find_element("id", "sensitivity-indices")
     chromium.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", place)
     spot = chromium.execute_script(
