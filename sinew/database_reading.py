@@ -104,7 +104,9 @@ def _unreadable(path: str) -> str | None:
 
     try:
         history = pyabc.History(f"sqlite:///{path}", create=False)
-        history.get_all_populations()
+        populations = history.get_all_populations()["t"]
+        if (populations >= 0).sum() != history.max_t + 1:  # the one before them is the calibration
+            return DAMAGED.format("generations are missing")
         for generation in range(history.max_t + 1):
             history.get_weighted_distances(generation)
             for model in history.alive_models(generation):

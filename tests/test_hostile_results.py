@@ -78,6 +78,7 @@ def test_a_database_whose_tables_compute_is_refused(copied_run, monkeypatch, cha
             "UPDATE abc_smc SET json_parameters = printf('%.*c', 70000, 'x')",
             "holds a text of 70000 bytes in abc_smc.js",
         ),
+        ("UPDATE populations SET t = 900000000000 WHERE t > 0", r"damaged \(generations are missing\)"),
         ("INSERT INTO version VALUES ('1')", "holds 2 rows in version"),
         ("INSERT INTO abc_smc (id) VALUES (77)", "holds 2 rows in abc_smc"),
         (

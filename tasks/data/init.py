@@ -167,10 +167,12 @@ def find_tables(files: Sequence[Path]) -> Files:
     for path in sorted(files, key=Path.is_dir):  # a file that is also in a folder was named
         if not path.exists():
             raise BadInput(path, "is not there", "exported tests (CSV), or a folder of them")
-        inside = list(_walk(path, Path.is_file)) if path.is_dir() else []
-        leaving = [one for one in inside if not one.resolve().is_relative_to(path.resolve())]
-        left_out += [(one, "a link that leaves the folder; name it itself, if it is meant") for one in leaving]
-        inside = [one for one in inside if one not in leaving]
+        inside, root = list[Path](), path.resolve()
+        for one in _walk(path, Path.is_file) if path.is_dir() else ():
+            if one.is_symlink() and not one.resolve().is_relative_to(root):
+                left_out.append((one, "a link that leaves the folder; name it itself, if it is meant"))
+            else:
+                inside.append(one)
         found = [one for one in inside if one.suffix.lower() in TABLES] if path.is_dir() else [path]
         if not found:
             problem = "holds no file with the ending of a table"

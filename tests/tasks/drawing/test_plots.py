@@ -16,11 +16,9 @@ def test_of_very_many_things_the_first_can_be_picked(monkeypatch):
 
 def test_words_take_room_by_their_length(monkeypatch):
     monkeypatch.setattr(plots, "MOST_NUMBERS", 200)
-    for length, expected in ((1, 9), (100, 5)):
+    for length, expected in ((1, 9), (100, 6), (500, 1)):
         data = {f"s{number}": {"names": {"x": ["n" * length]}} for number in range(9)}
-        assert len(plots.picked("all", "Names.", "Specimen", data, lambda sources: []).data) >= expected
-    data = {f"s{number}": {"names": {"x": ["n" * 500]}} for number in range(9)}
-    assert list(plots.picked("all", "Names.", "Specimen", data, lambda sources: []).data) == ["s0"]
+        assert len(plots.picked("all", "Names.", "Specimen", data, lambda sources: []).data) == expected
 
 
 def test_a_name_is_neither_html_nor_a_column_where_it_is_shown_at_the_pointer():
