@@ -174,6 +174,10 @@ def find_tables(files: Sequence[Path]) -> Files:
             else:
                 inside.append(one)
         found = [one for one in inside if one.suffix.lower() in TABLES] if path.is_dir() else [path]
+        if not found and any(one.is_relative_to(path) and one.is_symlink() for one, _ in left_out):
+            raise BadInput(
+                path, "holds no table but links that leave it", "tables inside, or what they lead to, by name"
+            )
         if not found:
             problem = "holds no file with the ending of a table"
             raise BadInput(path, problem, f"{', '.join(sorted(TABLES))}; or text files of another ending, by name")

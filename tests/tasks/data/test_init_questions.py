@@ -41,6 +41,12 @@ def test_links_that_leave_a_folder_are_left_out(tmp_path):
     why = "a link that leaves the folder; name it itself, if it is meant"
     assert found.left_out == ((tmp_path / "bench" / "T3.csv", why), (tmp_path / "bench" / "deeper" / "T4.csv", why))
     assert find_tables([tmp_path / "T5.csv"]).named == (tmp_path / "T5.csv",)
+    (tmp_path / "links").mkdir()
+    (tmp_path / "links" / "T6.csv").symlink_to(mine)
+    with pytest.raises(
+        BadInput, match="links: holds no table but links that leave it; expected tables inside, or what"
+    ):
+        find_tables([tmp_path / "links"])
 
 
 def test_files_of_a_folder_without_a_table_are_left_out_and_named(tmp_path, capsys):
