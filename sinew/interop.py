@@ -24,7 +24,8 @@ from sinew.runner.store.table import Table
 from sinew.tasks.calibrate.result import CalibrateResult, search_group
 from sinew.tasks.infer.library import arviz
 from sinew.tasks.simulate import Array
-from sinew.tasks.simulate.saltelli import MOST_NUMBERS, block_of, drawn
+from sinew.tasks.simulate.block import block_of
+from sinew.tasks.simulate.saltelli import MOST_NUMBERS, drawn
 from sinew.tasks.sobol.result import KEYS, SobolResult
 from sinew.tasks.study.result import believed
 
@@ -67,6 +68,8 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
     if specimen not in result.tables:
         raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.tables)}")
     problem, second = salib_problem(result), result.S2 is not None
+    if result.correlations:
+        raise BadInput(where, "its parameters are correlated, for which SALib has no design", "a study without that")
     table = _table(folder, result.tables[specimen])
     names, asked = _parameters(table), problem["names"]
     unknown = [name for name in asked if name not in names]

@@ -1,4 +1,4 @@
-"""What a sensitivity study varies: parameters, or groups of them at once, and how each is distributed in its range."""
+"""What a sensitivity study varies: parameters, or groups of them, how each is distributed, and which go together."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,11 +22,13 @@ class Normal:
 class Inputs:
     """``groups``: names of parameters by the name of the group, which moves as one; all others move alone.
 
-    ``distributions``: by the name of a parameter; all others are uniform.
+    ``distributions``: by the name of a parameter; all others are uniform. ``correlations``: rank correlations
+    (Spearman's) by the names of two parameters; all others are independent.
     """
 
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     distributions: Mapping[str, Normal] = field(default_factory=dict)
+    correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def factors(self, names: Sequence[str]) -> dict[str, tuple[int, ...]]:
         """What moves as one, by its name: the places in ``names``, in the order in which they begin there."""
@@ -35,6 +37,15 @@ class Inputs:
         for at, name in enumerate(names):
             title = group.get(name, name)
             found[title] = (*found.get(title, ()), at)
+        return found
+
+    def of_scores(self, names: Sequence[str]) -> Array:
+        """The correlations ``[d, d]`` of normal scores that give these rank correlations (Pearson 1907)."""
+        found = np.eye(len(names))
+        for one, others in self.correlations.items():
+            for other, rank in others.items():
+                i, j = names.index(one), names.index(other)
+                found[i, j] = found[j, i] = 2.0 * np.sin(np.pi / 6.0 * rank)
         return found
 
     def values(self, parameters: Sequence[Parameter], share: Array) -> Array:

@@ -1,7 +1,7 @@
 """Which parameter sets a sensitivity study evaluates: Saltelli's design (SALib)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +9,14 @@ from scipy.stats import qmc
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.model import Model
-from sinew.tasks.simulate import Array
+from sinew.tasks.simulate import Array, dependent
+from sinew.tasks.simulate.block import block_of
 from sinew.tasks.simulate.inputs import PLAIN, Inputs
 from sinew.tasks.simulate.pairing import pairs_of
 
 FEWEST = 32  # base samples of a sequence
 MOST_NUMBERS = 2**27  # of a design: a gigabyte
+ORDERS = 1  # beside the seeds of a sequence: its orders of correlated parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +26,8 @@ class Design:
     ``rows`` ``[n, d]`` holds full parameter sets, of which ``free`` are the columns of the free parameters, and
     ``members`` the places of each of ``names`` among these (without any, each is a parameter). ``block`` is the number
     of consecutive rows of one base sample. Base samples come in turn from ``scrambles`` independent scrambled
-    sequences. In a ``plain`` design, each is one row.
+    sequences. In a ``plain`` design, each is one row. Where parameters depend on each other, there are ``orders``
+    ``[base samples, names]``, and a base sample has the rows of :mod:`sinew.tasks.simulate.dependent`.
     """
 
     names: tuple[str, ...]
@@ -35,6 +38,7 @@ class Design:
     scrambles: int = 1
     members: tuple[tuple[int, ...], ...] = ()
     plain: bool = False
+    orders: Array | None = None
 
     @property
     def scramble(self) -> Array:
@@ -43,7 +47,7 @@ class Design:
 
     @property
     def block(self) -> int:
-        return 1 if self.plain else block_of(len(self.names), self.second_order)
+        return 1 if self.plain else block_of(len(self.names), self.second_order, self.orders is not None)
 
     @property
     def free_rows(self) -> Array:
@@ -67,19 +71,15 @@ class Design:
         return {"num_vars": len(self.names), "names": list(self.names), "bounds": [[0, 1]] * len(self.names)}
 
     def blocks(self, outcomes: Array, whole: Array) -> Array:
-        """Outcomes ``[n, m]`` as blocks ``[whole, d + 2, m]`` of A, AB_1 ... AB_d, B."""
+        """Outcomes ``[n, m]`` as blocks ``[whole, d + 2, m]`` of A, AB_1 ... AB_d, B; of all rows where inputs depend
+        on each other.
+        """
         found = outcomes.reshape(self.base_samples, self.block, -1)[whole]
-        return found[:, [*range(len(self.names) + 1), self.block - 1]]
+        return found if self.orders is not None else found[:, [*range(len(self.names) + 1), self.block - 1]]
 
-
-def block_of(parameters: int, second_order: bool) -> int:
-    """The rows of one base sample of Saltelli's design."""
-    return (2 if second_order else 1) * parameters + 2
-
-
-def base_samples(points: int, parameters: int, second_order: bool) -> int:
-    """The smallest power of two whose Saltelli design has at least ``points`` rows."""
-    return int(2 ** max(1, int(np.ceil(np.log2(points / block_of(parameters, second_order))))))
+    def first(self, base: int) -> "Design":
+        """The design of the first ``base`` samples; its rows are left as they are."""
+        return replace(self, base_samples=base, orders=None if self.orders is None else self.orders[:base])
 
 
 def scrambles_of(base: int, wanted: int) -> int:
@@ -98,14 +98,18 @@ def saltelli(
 
     ``scrambles``: a power of two, at most ``base``. Raises :class:`BadInput` for a design that would fill the memory.
     """
-    free = model.free
-    count, columns = base * block_of(len(free), second_order), len(model.names)
+    free, correlated = model.free, bool(inputs.correlations)
+    count, columns = base * block_of(len(free), second_order, correlated), len(model.names)
     if not 0 < count * columns <= MOST_NUMBERS or not 0 < scrambles <= base:
         problem = f"{base:,} base samples are {count:,} rows of {columns} parameters"
         raise BadInput("sobol.base_samples", problem, f"at most {MOST_NUMBERS // columns:,} rows")
     names = tuple(parameter.name for parameter in free)
     factors = inputs.factors(names)
-    if inputs.distributions:
+    orders = None
+    if correlated:
+        share, orders = _correlated(inputs, names, base // scrambles, scrambles, seed)
+        rows = inputs.values(free, share)
+    elif inputs.distributions:
         unit = [[0.0, 1.0]] * len(names)
         share = drawn(names, unit, base, seed, second_order=second_order, scrambles=scrambles, factors=factors)
         rows = inputs.values(free, share)
@@ -114,7 +118,8 @@ def saltelli(
         rows = drawn(names, bounds, base, seed, second_order=second_order, scrambles=scrambles, factors=factors)
     at = tuple(model.names.index(name) for name in names)
     members = tuple(factors.values())
-    return Design(tuple(factors), base, second_order, model.full(names, rows), at, scrambles, members)
+    full = model.full(names, rows)
+    return Design(tuple(factors), base, second_order, full, at, scrambles, members, orders=orders)
 
 
 def drawn(
@@ -148,17 +153,36 @@ def drawn(
     return np.asarray(low + (high - low) * np.stack(sequences, axis=1).reshape(-1, len(names)))
 
 
+def _correlated(inputs: Inputs, names: Sequence[str], count: int, scrambles: int, seed: int) -> tuple[Array, Array]:
+    """Places in the distributions ``[n, free]`` of a design of correlated parameters, and its orders."""
+    correlation, factors = inputs.of_scores(names), list(inputs.factors(names).values())
+    sequences, orders = [], []
+    for number in range(scrambles):
+        orders.append(dependent.orders_of(len(factors), count, (seed, number, ORDERS)))
+        halves = _halves(len(names), count, (seed, number))
+        sequences.append(dependent.rows_of(*halves, correlation, factors, orders[-1]))
+    every = np.stack(sequences, axis=1).reshape(-1, len(names))
+    return every, np.stack(orders, axis=1).reshape(-1, len(factors))
+
+
 def _sequence(own: Array, count: int, second_order: bool, seed: tuple[int, int]) -> Array:
     """The blocks ``[count, block, size]`` of one scrambled sequence, in SALib's order, on the unit cube.
 
-    ``own`` ``[factors, size]``: which parameters move as one. Which parameter has which pair of columns is drawn, so
-    that a pair that fills its square badly meets another parameter in each sequence.
+    ``own`` ``[factors, size]``: which parameters move as one.
     """
-    size = own.shape[1]
-    rng = np.random.default_rng(seed)
-    pairs = np.array(pairs_of(size))[rng.permutation(size)]
-    points = qmc.Sobol(2 * size, scramble=True, seed=rng).random(count)
-    a, b = points[:, pairs[:, 0]], points[:, pairs[:, 1]]
+    a, b = _halves(own.shape[1], count, seed)
     a_with_b = np.where(own, b[:, np.newaxis], a[:, np.newaxis])
     b_with_a = [np.where(own, a[:, np.newaxis], b[:, np.newaxis])] if second_order else []
     return np.concatenate([a[:, np.newaxis], a_with_b, *b_with_a, b[:, np.newaxis]], axis=1)
+
+
+def _halves(size: int, count: int, seed: tuple[int, int]) -> tuple[Array, Array]:
+    """The points A and B ``[count, size]`` of one scrambled sequence.
+
+    Which parameter has which pair of columns is drawn, so that a pair that fills its square badly meets another
+    parameter in each sequence.
+    """
+    rng = np.random.default_rng(seed)
+    pairs = np.array(pairs_of(size))[rng.permutation(size)]
+    points = qmc.Sobol(2 * size, scramble=True, seed=rng).random(count)
+    return points[:, pairs[:, 0]], points[:, pairs[:, 1]]

@@ -19,6 +19,7 @@ from sinew.tasks.sobol.method import column
 from sinew.tasks.sobol.of_fields import kept, missing, of_fields, stored_as
 from sinew.tasks.sobol.result import (
     KEYS,
+    SHAPLEY,
     Failures,
     Indices,
     OfOutput,
@@ -101,7 +102,7 @@ def analysed(
         names=list(design.names),
         bounds=[[parameter.minimum, parameter.maximum] for parameter in workspace.model.free],
         seed=workspace.seed,
-        **{name: getattr(total, name) for name in (*KEYS, "S2", "S2_conf")},
+        **{name: getattr(total, name) for name in (*KEYS, *SHAPLEY, "S2", "S2_conf")},
         rows=ok.size,
         failed=failed,
         base_samples=design.base_samples,
@@ -118,6 +119,7 @@ def analysed(
         outputs=outputs or None,
         groups={title: list(members) for title, members in settings.groups.items()} or None,
         distributions={name: vars(one) for name, one in settings.inputs.distributions.items()} or None,
+        correlations=settings.correlations or None,
         surrogate=surrogate,
         failures=_failures(estimate, planned, outcomes["total"]),
         convergence=estimate.convergence(outcomes["total"]),
@@ -210,7 +212,10 @@ def _arrays(design: Design, result: SobolResult, analyses: Mapping[str, Indices]
     parts, settled = list(analyses.values()), result.convergence
     return xr.Dataset(
         {
-            **{name: (("output", "parameter"), np.stack([getattr(part, name) for part in parts])) for name in KEYS},
+            **{
+                name: (("output", "parameter"), np.stack([getattr(part, name) for part in parts]))
+                for name in result.keys
+            },
             **{f"convergence_{name}": (("base_samples", "parameter"), getattr(settled, name)) for name in KEYS},
         },
         {
@@ -241,7 +246,7 @@ def _along_time(estimate: Estimator | ByChaos, one: Evaluated) -> xr.Dataset:
                 columns = one.read(field, slice(start, start + per_pass))
                 parts.append(estimate.of(columns))
             of = curve.name if field == f"force_{curve.name}" else f"{course}_{curve.name}"
-            for name in KEYS:
+            for name in parts[0]:
                 both = np.concatenate([part[name] for part in parts], axis=1)
                 variables[f"{name}_{of}"] = (("parameter", dim), both)
         for name in (dim, f"displacement_{curve.name}", f"measured_{curve.name}"):

@@ -2,22 +2,22 @@
 
 =============================  ========================================================================================
 nothing failed                 Saltelli's, by SALib
-rows failed                    S1 from the rows that ran (:mod:`sinew.tasks.sobol.given_data`); ST from base samples
-                               without a failed row
-more than ``LIMIT`` of them    the same S1; ST is refused: what is left of the ranges is no box, and its indices may be
-                               off by twice the share that failed
+rows failed                    S1 from the rows that ran (:mod:`sinew.tasks.sobol.given_data`); ST and Shapley effects
+                               from base samples without a failed row
+more than ``LIMIT`` of them    the same S1; the others are refused: what is left of the ranges is no box, and their
+                               indices may be off by twice the share that failed
 =============================  ========================================================================================
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sinew.tasks.simulate.saltelli import FEWEST, Design
 from sinew.tasks.sobol.given_data import Independent, first_order, independent
-from sinew.tasks.sobol.method import Intervals, analyse, indices, indices_if_failed_had
-from sinew.tasks.sobol.result import KEYS, Analysis, Convergence
+from sinew.tasks.sobol.method import Intervals, analyse, indices_if_failed_had, of_design
+from sinew.tasks.sobol.result import KEYS, SHAPLEY, Analysis, Convergence
 
 Array = np.ndarray[Any, Any]
 LIMIT = 0.005  # of all rows
@@ -58,17 +58,18 @@ class Estimator:
     def of(self, outcomes: Array) -> dict[str, Array]:
         """S1, S1_conf, ST, ST_conf ``[d, m]`` of outcomes ``[n, m]``, NaN where one is refused or nothing varies."""
         if self.ok.all():
-            return indices(self.design.blocks(outcomes, self.whole), self.design.scramble, self.intervals)
+            return of_design(self.design, outcomes, self.whole, self.intervals)
         found = first_order(self.ran, outcomes[self.ran.at], self.intervals)
+        if self.design.orders is not None:
+            found |= {key: np.full_like(found["ST"], np.nan) for key in SHAPLEY}
         if not self.refuses:
-            blocks = self.design.blocks(outcomes, self.whole)
-            by_blocks = indices(blocks, self.design.scramble[self.whole], self.intervals)
-            found |= {key: by_blocks[key] for key in ("ST", "ST_conf")}
+            by_blocks = of_design(self.design, outcomes, self.whole, self.intervals)
+            found |= {key: values for key, values in by_blocks.items() if key not in ("S1", "S1_conf")}
         return found
 
     def analysis(self, outcomes: Array) -> Analysis:
         """The same of one output ``[n]``, with indices of second order where the design has them."""
-        if self.ok.all():
+        if self.ok.all() and self.design.orders is None:
             return analyse(self.design, outcomes, self.whole, self.intervals)
         found = {key: values[:, 0] for key, values in self.of(outcomes[:, np.newaxis]).items()}
         if self.design.second_order and not self.refuses:
@@ -78,7 +79,7 @@ class Estimator:
 
     def first(self, base: int) -> "Estimator":
         """That of the first ``base`` samples of the design."""
-        design = replace(self.design, base_samples=base)
+        design = self.design.first(base)
         rows = base * design.block
         of = self.ran.at < rows
         ran = Independent(self.ran.features[of], self.ran.at[of], self.ran.scramble[of])

@@ -16,7 +16,7 @@ from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.drawing.views import FigureKind
 from sinew.tasks.sobol.field_figures import field_table, on_the_mesh, variables_of
 from sinew.tasks.sobol.of_fields import stored_as
-from sinew.tasks.sobol.result import SobolResult
+from sinew.tasks.sobol.result import WORDS, SobolResult
 from sinew.tasks.sobol.show import beside, convergence_table, stored, table, time_table
 from sinew.tasks.study.workspace import Workspace
 
@@ -54,20 +54,25 @@ def _along_time(result: SobolResult, folder: Path, course: str) -> Figure:
 
 
 def indices(result: SobolResult) -> Figure:
-    """First and total order indices with intervals: the total objective above, each protocol below."""
+    """Indices with intervals: the total objective above, each protocol below."""
+    keys = result.keys[::2]
     shown = dict(islice(result.panels().items(), PANELS))
     with plt.rc_context(STYLE):
         height = 2.1 * len(shown) + 0.4
         figure, axes = plt.subplots(len(shown), 1, figsize=(7.5, height), sharex=True, squeeze=False)
         at = np.arange(len(result.names))
         for axis, (title, values) in zip(axes[:, 0], shown.items(), strict=True):
-            for key, label, shift, colour in (("S1", "first order", -0.2, 0), ("ST", "total order", 0.2, 1)):
+            for number, key in enumerate(keys):
                 bars, errors = getattr(values, key), getattr(values, f"{key}_conf")
-                axis.bar(at + shift, bars, 0.38, yerr=errors, color=COLOURS[colour], label=label, error_kw={"lw": 0.8})
+                shift, label = 0.8 * ((number + 0.5) / len(keys) - 0.5), WORDS[key].removesuffix(" index")
+                axis.bar(
+                    at + shift, bars, 0.76 / len(keys), yerr=errors, color=COLOURS[number], label=label,
+                    error_kw={"lw": 0.8},
+                )  # fmt: skip
             axis.axhline(0, color="black", lw=0.6)
             axis.set_title(title.replace("_", " "), loc="left", fontsize=9)
-            axis.set_ylabel("Sobol index")
-        axes[0, 0].legend(ncols=2)
+            axis.set_ylabel("part of the variance" if result.correlations else "Sobol index")
+        axes[0, 0].legend(ncols=len(keys))
         axes[-1, 0].set_xticks(at, [symbol(name) for name in result.names])
         percent = round(100 * result.confidence)
         figure.suptitle(f"{result.rows:,} rows, {result.failed:,} failed; bars: {percent} % intervals", fontsize=9)
@@ -75,7 +80,7 @@ def indices(result: SobolResult) -> Figure:
 
 
 def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None, key: str = "ST") -> Figure:
-    """Indices (``ST`` or ``S1``) of the force, or of an ``output``, along each protocol: the largest of all.
+    """Indices (``ST``, ``S1`` or ``Sh``) of the force, or of an ``output``, along each protocol: the largest of all.
 
     Below is what was measured, or the displacement where nothing was.
     """
@@ -105,8 +110,8 @@ def along_time(dataset: xr.Dataset, names: list[str], output: str | None = None,
             kind, unit = beside(dataset, protocol, output)
             below.plot(time, dataset[f"{kind}_{protocol}"], "." if apart else "-", color="black", lw=0.9, ms=3)
             below.set_xlabel("time (s)")
-        order, of = "total" if key == "ST" else "first", "the force" if output is None else output.replace("_", " ")
-        axes[0, 0].set_ylabel(f"{order} order index of {of}")
+        of = "the force" if output is None else output.replace("_", " ")
+        axes[0, 0].set_ylabel(f"{WORDS[key]} of {of}")
         axes[1, 0].set_ylabel(f"{'measured' if kind == 'measured' else 'moved'} ({unit})")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(chosen))

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from sinew.tasks.simulate.saltelli import Design
-from sinew.tasks.sobol.result import KEYS, Analysis, Indices
+from sinew.tasks.sobol.result import KEYS, SHAPLEY, Analysis, Indices
+from sinew.tasks.sobol.shapley import terms
 from sinew.tasks.study.streams import Stream, state
 
 Array = np.ndarray[Any, Any]
@@ -64,7 +65,63 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
     vary, or of which a few outcomes are all that varies. The estimators are those of :mod:`SALib.analyze.sobol`
     (Saltelli et al. 2010), which takes one output at a time; with the same resamples the numbers are equal.
     """
-    n, width, m = blocks.shape
+    given = _resampled(blocks, scramble, intervals)
+    a, b = given.scaled[:, 0], given.scaled[:, -1]
+    found: dict[str, list[Array]] = {key: [] for key in KEYS}
+    for j in range(blocks.shape[1] - 2):
+        ab = given.scaled[:, 1 + j]
+        for key, each in (("S1", b * (ab - a)), ("ST", 0.5 * (a - ab) ** 2)):
+            for name, value in zip((key, f"{key}_conf"), given.share(each, given.variance), strict=True):
+                found[name].append(value)
+    return {key: np.array(values) for key, values in found.items()}
+
+
+def dependent_indices(blocks: Array, orders: Array, scramble: Array, intervals: Intervals) -> dict[str, Array]:
+    """The same of parameters that depend on each other, with Shapley effects.
+
+    ``blocks`` ``[n, block, m]``: all rows of :mod:`sinew.tasks.simulate.dependent`, whose ``orders`` are ``[n, d]``.
+    """
+    given = _resampled(blocks, scramble, intervals)
+    found: dict[str, list[Array]] = {key: [] for key in (*KEYS, *SHAPLEY)}
+    of_all = given.draws @ (0.5 * (given.scaled[:, 0] - given.scaled[:, -1]) ** 2)
+    for first, total, added in terms(given.scaled, orders):
+        shares = (("S1", first, given.variance), ("ST", total, given.variance), (SHAPLEY[0], added, of_all))
+        for key, each, variance in shares:
+            for name, value in zip((key, f"{key}_conf"), given.share(each, variance), strict=True):
+                found[name].append(value)
+    return {key: np.array(values) for key, values in found.items()}
+
+
+def of_design(design: Design, outcomes: Array, whole: Array, intervals: Intervals) -> dict[str, Array]:
+    """Indices of outcomes ``[n, m]`` of a design's ``whole`` ``[base samples]``, by what it is for."""
+    blocks, scramble = design.blocks(outcomes, whole), design.scramble[whole]
+    if design.orders is None:
+        return indices(blocks, scramble, intervals)
+    return dependent_indices(blocks, design.orders[whole], scramble, intervals)
+
+
+@dataclass(frozen=True, eq=False)
+class _Resampled:
+    """Outcomes ``scaled`` ``[n, block, m]`` to a mean of 0 and a spread of 1, and what is resampled of them.
+
+    ``draws`` ``[1 + r, n]``: of the sample itself, and of its resamples; ``variance`` ``[1 + r, m]``: of A and B.
+    """
+
+    scaled: Array
+    varies: Array
+    draws: Array
+    factor: float
+    variance: Array
+
+    def share(self, each: Array, variance: Array) -> tuple[Array, Array]:
+        """What the mean of ``each`` ``[n, m]`` is of a ``variance`` ``[1 + r, m]``, and half its interval."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = (self.draws @ each) / variance
+            half = self.factor * value[1:].std(axis=0, ddof=1)
+        return np.where(self.varies, value[0], np.nan), np.where(self.varies, half, np.nan)
+
+
+def _resampled(blocks: Array, scramble: Array, intervals: Intervals) -> _Resampled:
     blocks = moderate(blocks, axis=(0, 1))
     mean = blocks.mean(axis=(0, 1))
     spread = blocks.std(axis=(0, 1))
@@ -72,20 +129,9 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
     scaled = (blocks - mean) / np.where(varies, spread, 1.0)
     a, b = scaled[:, 0], scaled[:, -1]
     weights, factor = intervals.resampled(scramble)
-    draws = np.concatenate([np.ones((1, n)), weights]) / n  # the first "resample" is the sample itself
-    mean_ab = draws @ (a + b) / 2
-    variance = draws @ (a**2 + b**2) / 2 - mean_ab**2
-    varies &= variance[0] > ALONE
-    found = {key: np.full((width - 2, m), np.nan) for key in KEYS}
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for j in range(width - 2):
-            ab = scaled[:, 1 + j]
-            first = (draws @ (b * (ab - a))) / variance
-            total = 0.5 * (draws @ ((a - ab) ** 2)) / variance
-            for key, value in (("S1", first), ("ST", total)):
-                found[key][j] = np.where(varies, value[0], np.nan)
-                found[f"{key}_conf"][j] = np.where(varies, factor * value[1:].std(axis=0, ddof=1), np.nan)
-    return found
+    draws = np.concatenate([np.ones((1, len(blocks))), weights]) / len(blocks)  # the first is the sample itself
+    variance = draws @ (a**2 + b**2) / 2 - (draws @ (a + b) / 2) ** 2
+    return _Resampled(scaled, varies & (variance[0] > ALONE), draws, factor, variance)
 
 
 def moderate(outcomes: Array, axis: int | tuple[int, ...] = 0) -> Array:
@@ -98,7 +144,7 @@ def moderate(outcomes: Array, axis: int | tuple[int, ...] = 0) -> Array:
 
 def column(found: dict[str, Array], j: int) -> Indices:
     """The indices of output ``j`` of those of :func:`indices`."""
-    return Indices(*(found[key][:, j] for key in KEYS))
+    return Indices(**{key: values[:, j] for key, values in found.items()})
 
 
 def analyse(design: Design, outcomes: Array, whole: Array, intervals: Intervals) -> Analysis:
@@ -146,6 +192,6 @@ def indices_if_failed_had(design: Design, total: Array, ok: Array, intervals: In
     found: dict[str, Array] = {}
     for name, value in (("smallest", total[ok].min()), ("mean", total[ok].mean()), ("largest", total[ok].max())):
         filled = np.where(ok, total, value)[:, np.newaxis]
-        candidate = indices(design.blocks(filled, every), design.scramble, intervals)
+        candidate = of_design(design, filled, every, intervals)
         found |= {f"{key}_if_{name}": candidate[key][:, 0] for key in ("S1", "ST")}
     return found

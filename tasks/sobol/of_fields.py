@@ -167,8 +167,9 @@ def _analysed(estimate: Estimator | ByChaos, one: Evaluated, values: Array, bloc
         there[there] = np.ptp(ran[:, there], axis=0) > ROUNDING * largest[blocks[places]][there]
         if there.any():
             outcomes = np.concatenate([part[:, there], np.full((beside, there.sum()), np.nan)])
-            for key, indices in estimate.of(outcomes).items():
-                found[key][:, np.arange(values.shape[1])[places][there]] = indices
+            indices = estimate.of(outcomes)
+            for key, values_of in found.items():
+                values_of[:, np.arange(values.shape[1])[places][there]] = indices[key]
     return found
 
 

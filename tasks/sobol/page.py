@@ -10,8 +10,8 @@ from sinew.tasks.drawing.blocks import Block, Plot, Plots, Section, Table, Words
 from sinew.tasks.drawing.figures import COLOURS
 from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.report.folder import ResultFolder, read_results
-from sinew.tasks.sobol.result import SobolResult
-from sinew.tasks.sobol.show import specimens_table, stored, surrogate_words
+from sinew.tasks.sobol.result import SHORT, WORDS, SobolResult
+from sinew.tasks.sobol.show import correlation_words, specimens_table, stored, surrogate_words
 
 NAME = "sensitivity"
 SHOWN = 6  # lines in a plot along time
@@ -42,14 +42,15 @@ def section(folder: ResultFolder) -> Section:
         sure += f"; below 0.01: {listed(small, 3)}"
     return Section(
         "sensitivity", title, question, blocks,
-        found=f"{_order(result)} order indices: {', '.join(first)}" if first else "the objective varies too little",
+        found=f"{_ranked(result)}: {', '.join(first)}" if first else "the objective varies too little",
         sure=sure,
         failed=failed,
     )  # fmt: skip
 
 
-def _order(result: SobolResult) -> str:
-    return "first" if result.refuses else "total"
+def _ranked(result: SobolResult) -> str:
+    """The indices by which parameters are ranked, in words."""
+    return "Shapley effects" if result.leading == "Sh" else WORDS[result.leading].replace("index", "indices")
 
 
 def _specimens(result: SobolResult) -> Block:
@@ -59,31 +60,39 @@ def _specimens(result: SobolResult) -> Block:
         for row in specimens_table(result).itertuples()
     ]
     caption = (
-        f"{key} of each specimen's own objective: median, range, and the specimen with the largest. An index of the "
-        "mean of all objectives, below, may hide what decides one specimen."
+        f"{SHORT[key] if result.correlations else key} of each specimen's own objective: median, range, and the "
+        "specimen with the largest. An index of the mean of all objectives, below, may hide what decides one specimen."
     )
     return Table(caption, ["parameter", "median", "smallest", "largest", "largest in"], rows, words=[4])
 
 
 def _indices(result: SobolResult, level: str) -> Block:
     names = result.names
+    lines = [
+        ("S1", "first order: alone", 0.17, COLOURS[0], "square", "white"),
+        ("ST", "total order: with all its interactions", -0.17, COLOURS[1], "circle", COLOURS[1]),
+    ]
+    if result.correlations:
+        lines = [
+            ("S1", "first order: with what correlated ones tell through it", 0.25, COLOURS[0], "square", "white"),
+            ("ST", "total order: what no other parameter tells", 0.0, COLOURS[1], "circle", COLOURS[1]),
+            ("Sh", "Shapley effect: its share of all", -0.25, COLOURS[2], "diamond", COLOURS[2]),
+        ]
     shown = result.panels() | (dict(result.specimens) if len(result.specimens) > 1 else {})
 
     def columns(values: Any) -> dict[str, Any]:
         indices: dict[str, Any] = {"parameter": names}
-        for key in ("S1", "ST"):
+        for key in result.keys[::2]:
             index, conf = (getattr(values, each) for each in (key, f"{key}_conf"))
             indices |= {key: index, f"{key}_conf": conf, f"{key}_low": index - conf, f"{key}_high": index + conf}
         return {"indices": indices}
 
     def draw(sources: plots.Sources) -> list[Plot]:
-        plot = plots.figure("Sobol index", "", height=110 + 24 * len(names), y_range=[*map(plots.plain, names)][::-1])
+        across = "part of the variance" if result.correlations else "Sobol index"
+        plot = plots.figure(across, "", height=110 + 24 * len(names), y_range=[*map(plots.plain, names)][::-1])
         plot.vspan(0.0, line_color=plots.MUTED, line_width=0.8)
         entries = []
-        for key, label, shift, colour, marker, fill in (
-            ("S1", "first order: alone", 0.17, COLOURS[0], "square", "white"),
-            ("ST", "total order: with all its interactions", -0.17, COLOURS[1], "circle", COLOURS[1]),
-        ):
+        for key, label, shift, colour, marker, fill in lines[: len(result.keys) // 2]:
             up = dodge("parameter", shift, range=plot.y_range)
             bar = plot.segment(
                 f"{key}_low", up, f"{key}_high", up, source=sources["indices"], color=colour, line_width=1.5
@@ -99,6 +108,8 @@ def _indices(result: SobolResult, level: str) -> Block:
         ]
 
     caption = f"Sobol indices of the {result.objective}; lines: {level} intervals. {result.rows:,} rows."
+    if result.correlations:
+        caption += f" Rank correlations of parameters: {correlation_words(result)}."
     data = {name: columns(values) for name, values in shown.items()}
     return plots.picked("sensitivity-objectives", caption, "Objective", data, draw)
 
@@ -124,7 +135,7 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
         return None
     names = result.names
     leading = result.leading
-    order = _order(result)
+    order = WORDS[leading]
     tables = dict.fromkeys(result.tables.values())
     names_of_results = [f"sobol_time/{table}" for table in tables]
     read = read_results(folder.store, names_of_results, f"{leading}_", parameter=names)
@@ -147,7 +158,7 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
         drawn: list[Plot] = []
         for protocol in protocols:
             across = f"time (s), {protocol.replace('_', ' ')}"
-            plot = plots.figure(across, f"{order} order index" + ("" if outputs else " of the force"), height=330)
+            plot = plots.figure(across, order + ("" if outputs else " of the force"), height=330)
             entries = []
             for rank, j in enumerate(chosen):
                 colour = plots.colour(rank)
@@ -165,7 +176,7 @@ def _along_time(folder: ResultFolder, result: SobolResult, level: str) -> Block 
         return drawn
 
     caption = (
-        f"{order.capitalize()} order indices of {of} along each protocol, the {len(chosen)} largest; "
+        f"{_ranked(result)[0].upper()}{_ranked(result)[1:]} of {of} along each protocol, the {len(chosen)} largest; "
         f"bands: {level} intervals.{more}"
     )
     data = {

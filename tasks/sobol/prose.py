@@ -1,7 +1,8 @@
 """What a methods section says of this task, with the numbers of a result."""
 
 from sinew.tasks.drawing.blocks import number
-from sinew.tasks.sobol.result import SobolResult, Surrogate
+from sinew.tasks.sobol.result import SHORT, SobolResult, Surrogate
+from sinew.tasks.sobol.show import correlation_words
 
 
 def methods(result: SobolResult) -> str:
@@ -9,6 +10,8 @@ def methods(result: SobolResult) -> str:
     if result.surrogate is not None:
         return _by_surrogate(result, result.surrogate)
     kinds = "First order" if result.refuses else "First and total order"
+    if result.correlations:
+        return _of_dependent(result, kinds)
     failed = f" {result.failures.rule}." if result.failed else ""
     varied = "groups or parameters" if result.groups else "parameters"
     return (
@@ -16,6 +19,19 @@ def methods(result: SobolResult) -> str:
         f"{_normal(result)} from a Saltelli design on scrambled Sobol sequences [@saltelli, @salib]: "
         f"{result.base_samples:,} base samples, {result.rows:,} rows, of which {result.failed:,} failed.{failed} "
         f"{_intervals(result)} {_largest(result)}"
+    )
+
+
+def _of_dependent(result: SobolResult, kinds: str) -> str:
+    """The same for parameters that depend on each other."""
+    shapley = "" if result.refuses else " and Shapley effects [@owen, @goda]"
+    failed = f" {result.failures.rule}." if result.failed else ""
+    return (
+        f"{kinds} Sobol indices{shapley} of the {result.objective} were estimated for {len(result.names)} free "
+        f"{'groups or parameters' if result.groups else 'parameters'}{_normal(result)} that depend on each other by a "
+        f"Gaussian copula with rank correlations ({correlation_words(result)}), from conditional draws on scrambled "
+        f"Sobol sequences [@kucherenko]: {result.base_samples:,} base samples, {result.rows:,} rows, of which "
+        f"{result.failed:,} failed.{failed} {_intervals(result)} {_largest(result)}"
     )
 
 
@@ -60,5 +76,4 @@ def _intervals(result: SobolResult) -> str:
 def _largest(result: SobolResult) -> str:
     values, conf = (getattr(result, key) for key in (result.leading, f"{result.leading}_conf"))
     said = [f"{result.names[j]} {number(values[j])} ± {number(conf[j], 2)}" for j in result.largest()]
-    kind = "first order" if result.refuses else "total"
-    return f"Largest {kind} indices: {', '.join(said)}." if said else "No index is defined, as nothing varied."
+    return f"Largest {SHORT[result.leading]}: {', '.join(said)}." if said else "No index is defined, as nothing varied."

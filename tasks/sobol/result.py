@@ -13,16 +13,24 @@ from sinew.tasks.study.result import OMIT, Count, NotNegatives, Number, Numbers,
 
 Array = np.ndarray[Any, Any]
 KEYS = ("S1", "S1_conf", "ST", "ST_conf")
+SHAPLEY = ("Sh", "Sh_conf")  # where parameters depend on each other
+WORDS = {"S1": "first order index", "ST": "total order index", "Sh": "Shapley effect"}
+SHORT = {"S1": "first order indices", "ST": "total indices", "Sh": "Shapley effects"}
 
 
 @dataclass(frozen=True, eq=False)
 class Indices:
-    """First and total order indices ``[d]`` with the half-widths of their intervals; NaN where nothing varies."""
+    """First and total order indices ``[d]`` with the half-widths of their intervals; NaN where nothing varies.
+
+    Shapley effects ``Sh`` where parameters depend on each other.
+    """
 
     S1: Numbers
     S1_conf: NotNegatives
     ST: NotNegatives
     ST_conf: NotNegatives
+    Sh: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    Sh_conf: NotNegatives | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +70,8 @@ class OfOutput:
     ST: NotNegatives
     ST_conf: NotNegatives
     protocols: Mapping[str, Indices]
+    Sh: Numbers | None = dataclasses.field(default=None, metadata=OMIT)
+    Sh_conf: NotNegatives | None = dataclasses.field(default=None, metadata=OMIT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +135,8 @@ class SobolResult(Result):
     """Sobol indices of the total objective, and of each protocol, specimen and output.
 
     ``names`` are of the ``d`` free parameters or ``groups`` of them, ``bounds`` of the free parameters, which are
-    uniform unless they have ``distributions``. Base samples come from ``scrambles`` independent sequences; with a
+    uniform unless they have ``distributions``, and independent but for rank ``correlations``. Base samples come from
+    ``scrambles`` independent sequences; with a
     ``surrogate``, each is one row. ``field`` is what the store calls the quantity under study and ``objective`` says it
     in words. ``tables`` names each specimen's evaluations in the store; ``fields``: the protocols along which there
     are indices of its fields.
@@ -142,6 +153,8 @@ class SobolResult(Result):
     S1_conf: NotNegatives
     ST: NotNegatives
     ST_conf: NotNegatives
+    Sh: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
+    Sh_conf: NotNegatives | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     S2: Numbers | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     S2_conf: NotNegatives | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     rows: Count
@@ -159,6 +172,9 @@ class SobolResult(Result):
     outputs: Mapping[str, OfOutput] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     groups: Mapping[str, list[str]] | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
     distributions: Mapping[str, Mapping[str, Number]] | None = dataclasses.field(
+        default=None, kw_only=True, metadata=OMIT
+    )
+    correlations: Mapping[str, Mapping[str, Number]] | None = dataclasses.field(
         default=None, kw_only=True, metadata=OMIT
     )
     surrogate: Surrogate | None = dataclasses.field(default=None, kw_only=True, metadata=OMIT)
@@ -181,7 +197,9 @@ class SobolResult(Result):
         wholes: list[SobolResult | OfOutput | OfSpecimen] = [self, *self.specimens.values()]
         wholes += (self.outputs or {}).values()
         for one in (*wholes, *(part for whole in wholes for part in whole.protocols.values())):
-            check_lengths(self.names, one, KEYS)
+            if any((getattr(one, key) is None) != (self.correlations is None) for key in SHAPLEY):
+                raise ValueError("Sh: Shapley effects go with correlations, and only with them")
+            check_lengths(self.names, one, self.keys)
         sizes = len(self.convergence.base_samples), len(self.names)
         every = [getattr(self.convergence, key) for key in KEYS]
         if any(array.shape != sizes and (array.size or sizes[0]) for array in every):  # without sizes, [] in the file
@@ -207,9 +225,16 @@ class SobolResult(Result):
         return 0 < base <= most and 0 < scrambles <= MOST_SCRAMBLES and base % scrambles == 0
 
     @property
+    def keys(self) -> tuple[str, ...]:
+        """The names of indices, with those of the half-widths of their intervals."""
+        return KEYS if self.correlations is None else (*KEYS, *SHAPLEY)
+
+    @property
     def leading(self) -> str:
-        """The index by which parameters are ranked: ST, or S1 where ST was refused."""
-        return "S1" if self.refuses else "ST"
+        """The index by which parameters are ranked: ST, or Sh where there is one, or S1 where these were refused."""
+        if self.refuses:
+            return "S1"
+        return "ST" if self.correlations is None else "Sh"
 
     def largest(self, most: int = 3) -> list[int]:
         """The numbers of the parameters with the largest indices, largest first; without those that are NaN."""

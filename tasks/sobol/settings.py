@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from sinew.runner.errors import BadInput, shown
+from sinew.tasks.simulate.block import block_of
 from sinew.tasks.simulate.inputs import Inputs, Normal
 from sinew.tasks.study.fields import Name, Positive, Specimens, TaskSettings
 from sinew.tasks.study.files import read_json
@@ -31,13 +33,18 @@ class NormalSettings(Section):
     sd: Positive
 
 
+Correlation = Annotated[float, Field(gt=-1, lt=1)]
+
+
 class Settings(TaskSettings):
     """A Saltelli design of ``base_samples`` x (free parameters + 2) rows, or of at least ``points`` rows.
 
     They come from ``scrambles`` independent scrambles of the Sobol sequence, whose scatter gives the intervals; with
     one, the intervals come from ``resamples`` of a bootstrap. ``groups``: parameters that move as one and have one
     index, by the group's name. ``distributions``: of parameters that are not uniform over their ranges, each normal
-    with a ``mean`` and an ``sd``, cut off at the ends. ``specimens``: which to study, ``all`` or names.
+    with a ``mean`` and an ``sd``, cut off at the ends. ``correlations``: rank correlations of parameters that depend on
+    each other (a Gaussian copula); Shapley effects come beside the indices then. ``specimens``: which to study, ``all``
+    or names.
     ``output``: of which of a template's outputs the indices are (left out: of the objective where there is one).
 
     With ``method: surrogate``, indices are those of polynomials that are trained with plain rows: more and more of
@@ -56,6 +63,7 @@ class Settings(TaskSettings):
     output: str | None = None
     groups: dict[Name, Annotated[list[str], Field(min_length=1)]] = Field(default_factory=dict)
     distributions: dict[str, NormalSettings] = Field(default_factory=dict)
+    correlations: dict[str, Annotated[dict[str, Correlation], Field(min_length=1)]] = Field(default_factory=dict)
     second_order: bool = False
     scrambles: Annotated[int, Field(ge=1, le=MOST_SCRAMBLES)] = 8
     resamples: Annotated[int, Field(ge=10, le=100_000)] = 200
@@ -67,6 +75,10 @@ class Settings(TaskSettings):
         of_the_other = of_the_other if self.method == "multifidelity" else of_the_other | OF_SEVERAL
         if given := sorted(self.model_fields_set & of_the_other):
             raise FieldError(given[0], f"given with method: {self.method}", f"no {given[0]}, or the other method")
+        if self.correlations and self.method != "saltelli":
+            raise FieldError("correlations", f"given with method: {self.method}", "method: saltelli")
+        if self.correlations and self.second_order:
+            raise FieldError("second_order", "given beside correlations", "false: it is of independent parameters")
         return self
 
     @model_validator(mode="after")
@@ -86,7 +98,7 @@ class Settings(TaskSettings):
         if self.output is not None and self.output not in outputs:
             known = f"one of {', '.join(outputs)}" if outputs else "nothing; only templates have outputs"
             raise FieldError("output", f"no output {shown(self.output)}", known)
-        if self.groups or self.distributions:
+        if self.groups or self.distributions or self.correlations:
             self._check_inputs(model_of(study.model, study.simulator.law))
 
     def _check_inputs(self, model: Model) -> None:
@@ -108,6 +120,29 @@ class Settings(TaskSettings):
             if not low - FAR * one.sd < one.mean < high + FAR * one.sd:
                 expected = f"within {FAR:g} standard deviations of the range, {low:g} to {high:g}"
                 raise FieldError(f"distributions.{name}.mean", f"{one.mean:g}", expected)
+        self._check_correlations(list(free))
+
+    def _check_correlations(self, free: list[str]) -> None:
+        seen: set[frozenset[str]] = set()
+        for one, others in self.correlations.items():
+            for other in others:
+                for name in (one, other):
+                    if name not in free:
+                        raise FieldError("correlations", shown(name), f"free parameters: {', '.join(free)}")
+                pair = frozenset((one, other))
+                if len(pair) < 2 or pair in seen:
+                    problem = f"{shown(one)} with {shown(other)}" + (" twice" if pair in seen else "")
+                    raise FieldError("correlations", problem, "each two different parameters once")
+                seen.add(pair)
+        if seen and np.linalg.eigvalsh(self.inputs.of_scores(free))[0] < SMALLEST:
+            raise FieldError(
+                "correlations", "contradict each other, or one parameter is nearly a function of others",
+                "weaker ones, such that no parameter follows from the others",
+            )  # fmt: skip
+
+    def block(self, parameters: int) -> int:
+        """The rows of one base sample of so many parameters or groups of them."""
+        return block_of(parameters, self.second_order, bool(self.correlations))
 
     def count(self, model: Model) -> int:
         """How many free parameters or groups of them a model has."""
@@ -117,10 +152,11 @@ class Settings(TaskSettings):
     def inputs(self) -> Inputs:
         """What is varied, and how."""
         normals = {name: Normal(one.mean, one.sd) for name, one in self.distributions.items()}
-        return Inputs({title: tuple(members) for title, members in self.groups.items()}, normals)
+        return Inputs({title: tuple(members) for title, members in self.groups.items()}, normals, self.correlations)
 
 
 DEFAULT = Settings(points=20_000)
+SMALLEST = 1e-3  # eigenvalue of the correlations of scores
 FAR = 4.0  # standard deviations: a mean farther from the range leaves hardly any of the distribution
 
 

@@ -11,13 +11,13 @@ from rich.text import Text
 from sinew.runner.console import Console
 from sinew.tasks.drawing.formats import protocols_of
 from sinew.tasks.drawing.matrix import print_matrix
-from sinew.tasks.sobol.result import KEYS, Indices, OfOutput, SobolResult, Surrogate
+from sinew.tasks.sobol.result import SHORT, Indices, OfOutput, SobolResult, Surrogate
 
 
 def table(result: SobolResult) -> pd.DataFrame:
     """Indices and intervals by output (``total``, each protocol, each of a template's outputs) and parameter."""
     parts = {
-        name: pd.DataFrame({key: getattr(values, key) for key in KEYS}, index=result.names)
+        name: pd.DataFrame({key: getattr(values, key) for key in result.keys}, index=result.names)
         for name, values in result.by_output().items()
     }
     return pd.concat(parts, names=["output", "parameter"])
@@ -27,8 +27,7 @@ def headline(result: SobolResult) -> str:
     """What came out, in one line."""
     values = getattr(result, result.leading)
     most = ", ".join(f"{result.names[j]} {values[j]:.2f}" for j in result.largest())
-    kind = "first order" if result.refuses else "total"
-    return f"{result.rows:,} rows, {result.failed:,} failed; largest {kind} indices: {most}"
+    return f"{result.rows:,} rows, {result.failed:,} failed; largest {SHORT[result.leading]}: {most}"
 
 
 def convergence_table(result: SobolResult) -> pd.DataFrame:
@@ -40,7 +39,7 @@ def convergence_table(result: SobolResult) -> pd.DataFrame:
 
 
 def time_table(dataset: xr.Dataset, output: str | None = None, key: str = "ST") -> pd.DataFrame:
-    """Indices (``ST``, or ``S1``) of the force, or of an output, at each kept moment of each protocol."""
+    """Indices (``ST``, ``S1`` or ``Sh``) of the force, or of an output, at each kept moment of each protocol."""
     parts = []
     for protocol in protocols_of(dataset):
         kind, unit = beside(dataset, protocol, output)
@@ -69,14 +68,17 @@ def summary(result: SobolResult, folder: Path, console: Console) -> None:
     key = result.leading
     if len(result.specimens) > 1:
         _specimens_summary(result, console)
-    grid = Grid("parameter", "S1", "ST", *result.protocols, title=f"Sobol indices of the {result.objective}")
+    every = result.keys[::2]
+    grid = Grid("parameter", *every, *result.protocols, title=f"Sobol indices of the {result.objective}")
     order = result.largest(len(result.names))
     for j in [*order, *(j for j in range(len(result.names)) if j not in order)]:
-        cells = [_with_interval(result, each, j) for each in ("S1", "ST")]
+        cells = [_with_interval(result, each, j) for each in every]
         cells += [_with_interval(values, key, j) for values in result.protocols.values()]
         grid.add_row(result.names[j], *cells)
     console.print(grid)
-    console.print(f"{round(100 * result.confidence)} % intervals; columns of protocols show {key}")
+    console.print(
+        f"{round(100 * result.confidence)} % intervals; columns of protocols show {key}{_of_dependent(result)}"
+    )
     if result.outputs:
         _outputs_summary(result, console)
     for words in surrogate_words(result):
@@ -84,6 +86,21 @@ def summary(result: SobolResult, folder: Path, console: Console) -> None:
     if result.failed:
         failed = f"{result.failed:,} of {result.rows:,} rows failed"
         console.print(Text.assemble((failed, "red"), f"; {result.failures.rule}{_moved(result)}"))
+
+
+def correlation_words(result: SobolResult) -> str:
+    """The rank correlations of the parameters."""
+    every = (
+        (one, other, rank) for one, others in (result.correlations or {}).items() for other, rank in others.items()
+    )
+    return ", ".join(f"{one} and {other} {rank:g}" for one, other, rank in every)
+
+
+def _of_dependent(result: SobolResult) -> str:
+    """What Sh is, where there is one."""
+    return (
+        "; Sh: Shapley effects, which share out what correlated parameters do together" if result.correlations else ""
+    )
 
 
 def surrogate_words(result: SobolResult) -> list[str]:
@@ -155,10 +172,11 @@ def _outputs_summary(result: SobolResult, console: Console) -> None:
     heads = [f"{name} ({one.summary}, {one.unit})" for name, one in (result.outputs or {}).items()]
     print_matrix(
         console,
-        "Total order Sobol indices of each output, summed over the protocols",
+        f"{'Shapley effects' if result.correlations else 'Total order Sobol indices'} of each output, summed over the "
+        "protocols",
         ("parameter", result.names),
         ("output", heads),
-        lambda j, k: _with_interval(every[k], "ST", j),
+        lambda j, k: _with_interval(every[k], result.leading if result.correlations else "ST", j),
     )
 
 
@@ -166,4 +184,4 @@ def _with_interval(values: Indices | OfOutput | SobolResult, key: str, j: int) -
     value, conf = getattr(values, key)[j], getattr(values, f"{key}_conf")[j]
     if np.isfinite(value):
         return f"{value:.3f} ± {conf:.3f}"
-    return "refused" if key == "ST" and np.isfinite(values.S1).any() else "varies too little"
+    return "refused" if key != "S1" and np.isfinite(values.S1).any() else "varies too little"

@@ -8,7 +8,7 @@ import logging
 from dataclasses import replace
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.simulate.saltelli import block_of, saltelli, scrambles_of
+from sinew.tasks.simulate.saltelli import saltelli, scrambles_of
 from sinew.tasks.sobol.analysed import analysed, known, ran
 from sinew.tasks.sobol.by_runs import by_surrogate
 from sinew.tasks.sobol.estimate import estimator
@@ -63,7 +63,7 @@ def _extended(workspace: Workspace) -> SobolResult:
 
 def _say_size(workspace: Workspace, settings: Settings, base: int) -> None:
     count = settings.count(workspace.model)
-    rows = base * block_of(count, settings.second_order)
+    rows = base * settings.block(count)
     workspace.say(
         f"sobol: {settings.points:,} points asked; the next power of two is {base:,} base samples, "
         f"{rows:,} rows for {count} {'groups' if settings.groups else 'parameters'}"

@@ -1,6 +1,6 @@
 """How long Sobol indices will take."""
 
-from sinew.tasks.simulate.saltelli import base_samples, block_of
+from sinew.tasks.simulate.block import base_samples
 from sinew.tasks.sobol.settings import Settings
 from sinew.tasks.study.work import Given, Work, points_kept
 
@@ -11,7 +11,7 @@ ANALYSIS_S = 1.2e-7  # for each row and kept point of a curve: indices along tim
 
 def base_of(settings: Settings, parameters: int) -> int:
     """The base samples that a study asks for, with so many free parameters or groups of them."""
-    return settings.base_samples or base_samples(settings.points or 20_000, parameters, settings.second_order)
+    return settings.base_samples or base_samples(settings.points or 20_000, settings.block(parameters))
 
 
 def rows_of(given: Given) -> int:
@@ -20,7 +20,7 @@ def rows_of(given: Given) -> int:
     if settings.method != "saltelli":
         return settings.runs
     parameters = settings.count(given.model)
-    return base_of(settings, parameters) * block_of(parameters, settings.second_order)
+    return base_of(settings, parameters) * settings.block(parameters)
 
 
 def _coarse_rows(given: Given, settings: Settings) -> int:

@@ -13,14 +13,15 @@ from sinew.runner.evaluation.policy import Policy
 from sinew.runner.store.schema import CHUNK_ROWS
 from sinew.runner.store.store import Store
 from sinew.tasks.model import Model
-from sinew.tasks.simulate.saltelli import base_samples, saltelli
+from sinew.tasks.simulate.block import base_samples, block_of
+from sinew.tasks.simulate.saltelli import saltelli
 from tests.benchmarks.common import evaluation, median_line, rows
 
 ROUNDS = 10
 
 
 def main() -> None:
-    design = saltelli(Model(), base_samples(20_000, 16, False), False, 1).rows
+    design = saltelli(Model(), base_samples(20_000, block_of(16, False)), False, 1).rows
     work = evaluation()
     policy = Policy(multiple=work.simulator.capabilities.batch_multiple)
     taken: dict[bool, list[float]] = {True: [], False: []}

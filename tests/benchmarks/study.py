@@ -15,7 +15,8 @@ from sinew.runner.evaluation.policy import Policy
 from sinew.runner.store.schema import CHUNK_ROWS
 from sinew.runner.store.store import Store
 from sinew.tasks.model import Model
-from sinew.tasks.simulate.saltelli import base_samples, saltelli
+from sinew.tasks.simulate.block import base_samples, block_of
+from sinew.tasks.simulate.saltelli import saltelli
 from tests.benchmarks.common import evaluation, median_line, rows
 
 ROUNDS = 5
@@ -34,7 +35,7 @@ def bare(parameters: np.ndarray, begin: "multiprocessing.synchronize.Barrier", q
 
 
 def main() -> None:
-    design = saltelli(Model(), base_samples(20_000, 16, False), False, 1).rows
+    design = saltelli(Model(), base_samples(20_000, block_of(16, False)), False, 1).rows
     context = multiprocessing.get_context("spawn")
     queue, begin = context.Queue(), context.Barrier(3)
     halves = [context.Process(target=bare, args=(half, begin, queue)) for half in np.array_split(design, 2)]

@@ -40,6 +40,19 @@ REFERENCES: Mapping[str, Reference] = {
         "Herman J., Usher W. SALib: an open-source Python library for sensitivity analysis. JOSS 2 (2017).",
         "10.21105/joss.00097",
     ),
+    "kucherenko": Reference(
+        "Kucherenko S., Tarantola S., Annoni P. Estimation of global sensitivity indices for models with dependent "
+        "variables. Comput Phys Commun 183 (2012).",
+        "10.1016/j.cpc.2011.12.020",
+    ),
+    "owen": Reference(
+        "Owen A. Sobol' indices and Shapley value. SIAM/ASA J Uncertain Quantif 2 (2014).", "10.1137/130936233"
+    ),
+    "goda": Reference(
+        "Goda T. A simple algorithm for global sensitivity analysis with Shapley effects. Reliab Eng Syst Saf 213 "
+        "(2021) 107702.",
+        "10.1016/j.ress.2021.107702",
+    ),
     "breiman": Reference("Breiman L. Random forests. Mach Learn 45 (2001).", "10.1023/A:1010933404324"),
     "marquardt": Reference(
         "Marquardt D. An algorithm for least-squares estimation of nonlinear parameters. J SIAM 11 (1963).",

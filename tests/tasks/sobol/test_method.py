@@ -11,7 +11,8 @@ from SALib.test_functions import Sobol_G
 from scipy.stats import t as student_t
 
 from sinew.tasks.model import Model, Parameter
-from sinew.tasks.simulate.saltelli import Design, base_samples, drawn, saltelli, scrambles_of
+from sinew.tasks.simulate.block import base_samples, block_of
+from sinew.tasks.simulate.saltelli import Design, drawn, saltelli, scrambles_of
 from sinew.tasks.sobol.method import Intervals, analyse, indices
 from sinew.tasks.sobol.result import KEYS
 
@@ -105,17 +106,19 @@ def test_fixed_parameters_stay_at_their_value():
 
 
 @pytest.mark.parametrize(
-    ("points", "parameters", "second_order", "base"),
+    ("points", "parameters", "kind", "base"),
     [
-        (20_000, 16, False, 2048),
-        (36_864, 16, False, 2048),
-        (36_865, 16, False, 4096),
-        (20_000, 16, True, 1024),
-        (1, 3, False, 2),
+        (20_000, 16, (False,), 2048),
+        (36_864, 16, (False,), 2048),
+        (36_865, 16, (False,), 4096),
+        (20_000, 16, (True,), 1024),
+        (1, 3, (False,), 2),
+        (20_000, 16, (False, True), 512),
+        (4 * 512, 2, (False, True), 512),
     ],
 )
-def test_points_are_rounded_up_to_a_power_of_two(points, parameters, second_order, base):
-    assert base_samples(points, parameters, second_order) == base
+def test_points_are_rounded_up_to_a_power_of_two(points, parameters, kind, base):
+    assert base_samples(points, block_of(parameters, *kind)) == base
 
 
 G = np.array([0.0, 1.0, 4.5, 9.0])

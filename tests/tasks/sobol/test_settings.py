@@ -61,6 +61,14 @@ def test_a_name_that_no_output_has_is_told_the_names_that_are_there(tmp_path):
         ({"groups": {"E_m": ["E_f", "alpha_f"]}}, "groups", "'E_m' is a parameter"),
         ({"distributions": {"moonlight": {"mean": 1, "sd": 1}}}, "distributions", "'moonlight'"),
         ({"distributions": {"E_f": {"mean": 10, "sd": 1}}}, "distributions.E_f.mean", "10"),
+        ({"correlations": {"E_f": {"moonlight": 0.5}}}, "correlations", "'moonlight'"),
+        ({"correlations": {"E_f": {"E_f": 0.5}}}, "correlations", "'E_f' with 'E_f'"),
+        ({"correlations": {"E_f": {"E_m": 0.5}, "E_m": {"E_f": 0.5}}}, "correlations", "'E_m' with 'E_f' twice"),
+        (
+            {"correlations": {"E_f": {"E_m": 0.9, "alpha_f": -0.9}, "E_m": {"alpha_f": 0.9}}},
+            "correlations",
+            "contradict each other, or one parameter is nearly a function of others",
+        ),
     ],
 )
 def test_groups_and_distributions_are_of_free_parameters(tmp_path, given, field, problem):
@@ -77,3 +85,18 @@ def test_one_group_of_everything_has_no_indices(tmp_path):
     path.write_text(f"name: small\ncohort: cohort\nsobol: {{groups: {{all: [{names}]}}}}\n")
     with pytest.raises(BadInput, match=r"sobol.groups: one group of all parameters"):
         check(sinew.read_study(path), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [({"method": "surrogate"}, "expected method: saltelli"), ({"second_order": True}, "given beside correlations")],
+)
+def test_correlations_need_a_method_that_knows_them(given, problem):
+    with pytest.raises(ValueError, match=problem):
+        Settings(correlations={"E_f": {"E_m": 0.5}}, **given)
+
+
+@pytest.mark.parametrize("given", [{"E_f": {}}, {"E_f": {"E_m": 1.0}}, {"E_f": {"E_m": float("nan")}}])
+def test_a_correlation_is_a_number_within_its_range(given):
+    with pytest.raises(ValueError, match="correlations"):
+        Settings(correlations=given)
