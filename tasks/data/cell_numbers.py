@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import NOWHERE, Column
@@ -10,6 +13,7 @@ from sinew.tasks.data.several import FEWEST_ROWS
 from sinew.tasks.data.tables import Table
 from sinew.tasks.data.text import is_clock
 
+Array = np.ndarray[Any, Any]
 MOST_UNREAD = 3  # rows at the start of a test with an empty cell, or with numbers of another decimal mark
 
 
@@ -45,6 +49,19 @@ def empty_row(path: Path, row: int) -> BadInput:
     """The refusal of an empty row among the numbers of a test."""
     expected = "one test without such rows; where they stand between tests, a file for each"
     return BadInput(f"{path}: row {row}", "an empty row among the numbers", expected)
+
+
+def numbers_of(table: Table, rows: range, columns: Sequence[Column]) -> Array:
+    """The numbers ``[t, columns]`` of columns, as :func:`number_of` has them. Raises :class:`BadInput`."""
+    places = [column.place for column in columns]
+    found = np.zeros((len(rows), len(columns)))
+    for at, place in enumerate(places):
+        if place != NOWHERE:
+            found[:, at] = table.numbers(place)[rows]
+    for row in np.flatnonzero(np.isnan(found).any(axis=1))[:1]:
+        for column in columns:
+            number_of(table, rows.start + int(row), column)
+    return found
 
 
 def number_of(table: Table, row: int, column: Column) -> float:

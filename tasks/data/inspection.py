@@ -251,8 +251,8 @@ def _go_on(source: Source, table: Table, columns: Sequence[Column | None]) -> bo
         named = one.titles[0] != table.titles[0] and time.place != 0
         if one.sheet != table.sheet or between or named:
             return False
-        cells = (one.number(row, time.place) for row in range(len(one.rows)))
-        times.append(np.array([cell * time.factor for cell in cells if cell is not None]))
+        found = one.numbers(time.place) * time.factor
+        times.append(found[np.isfinite(found)])
         if not times[-1].size:
             return False
     return go_on(times)

@@ -1,16 +1,17 @@
 """Where a file holds numbers: the separator and the decimal mark of a text, and runs of rows that are a table."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.text import SEPARATORS, cells, is_number
+from sinew.tasks.data.text import CELLS_AT_A_TIME, SEPARATORS, are_plain, cells, is_number
 
 MOST_COLUMNS = 1000
 FEWEST_COLUMNS = (3, 2)  # time, motion and load; where no table has three, motion and load
 HEAD_LINES = 450  # where separator and decimal mark are looked for first; and at each end of long lines above a table
-LOOKED_AT = 2**22  # characters in which separator and decimal mark are looked for, where the first lines have no table
+#: Characters and lines in which separator and decimal mark are looked for, where the first lines have no table.
+LOOKED_AT, LINES_LOOKED_AT = 2**22, 100_000
 EXPECTED = "three columns or more: time, displacement (or strain) and force (or stress)"
 RUN = 3  # rows that must agree for a table to begin
 
@@ -50,12 +51,12 @@ def layout(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[str, str, int]
 
 
 def _first(lines: Sequence[tuple[int, str]], most: int) -> Sequence[tuple[int, str]]:
-    """The first lines, of so many characters together at most."""
-    for count, (_, line) in enumerate(lines):
+    """The first lines, of so many characters together at most, and not too many of them."""
+    for count, (_, line) in enumerate(lines[:LINES_LOOKED_AT]):
         most -= len(line)
         if most < 0:
             return lines[:count]
-    return lines
+    return lines[:LINES_LOOKED_AT]
 
 
 def _longest(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> tuple[int, int]:
@@ -76,11 +77,27 @@ def runs(rows: Sequence[Sequence[str]], decimal: str, fewest: int) -> Iterator[R
         if len(common) < fewest:
             start += 1
             continue
-        end = start + 1
-        while end < len(rows) and all(i < len(rows[end]) and is_number(rows[end][i], decimal) for i in common):
-            end += 1
+        end = _end(rows, start + 1, common, decimal)
         yield Run(start, end, frozenset(common))
         start = end
+
+
+def _end(rows: Sequence[Sequence[str]], start: int, common: Set[int], decimal: str) -> int:
+    """The first row from ``start`` on that lacks a number in one of the ``common`` columns.
+
+    More and more rows are looked at together, so that neither a long table nor many short ones take long.
+    """
+    end, together = start, RUN
+    while end < len(rows):
+        part = rows[end : end + together]
+        shortest = min(map(len, part))
+        if not all(i < shortest and are_plain([row[i] for row in part], decimal) for i in common):
+            for at, row in enumerate(part):
+                if not all(i < len(row) and is_number(row[i], decimal) for i in common):
+                    return end + at
+        end += len(part)
+        together = min(2 * together, CELLS_AT_A_TIME)
+    return end
 
 
 def numeric_places(row: Sequence[str], decimal: str) -> set[int]:

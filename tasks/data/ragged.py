@@ -26,7 +26,7 @@ def refuse_ragged(table: Table, rows: range) -> None:
         number, row = table.rows[rows[at]]
         fewer = size < usual and (at < whole or usual - size == 1 or table.separator == " ")
         fewer = fewer and table.separator != ""  # no cell of a sheet is missing
-        if not fewer and not _count(row[most:], table.decimal):
+        if not fewer and (len(row) <= most or not _count(row[most:], table.decimal)):
             continue
         expected = "as many in each row as it has titles, without marks for thousands"
         if table.separator == " ":
@@ -41,6 +41,8 @@ def _size(table: Table, row: Sequence[str]) -> int:
     """How many cells a row has below titles, or up to its last number; between spaces, numbers and marks of none."""
     if table.separator == " ":
         return _count(row, table.decimal) + sum(_NO_NUMBER.fullmatch(cell) is not None for cell in row)
+    if len(row) <= len(table.titles):
+        return len(row)
     last = max((at for at, cell in enumerate(row, start=1) if is_number(cell, table.decimal)), default=0)
     return max(min(len(row), len(table.titles)), last)
 

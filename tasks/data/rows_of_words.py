@@ -4,6 +4,8 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data import words
 from sinew.tasks.data.columns import NOWHERE, Column
@@ -49,12 +51,13 @@ def without_words(table: Table, columns: Sequence[Column], hints: Hints) -> tupl
     if hints.test_column is not None or hints.cycle_column is not None:
         return table, ()  # they may name what is below them
     places = [column.place for column in columns if column.place != NOWHERE]
-    left = {at for at, (_, row) in enumerate(table.rows) if _is_words(row, places, table.decimal)}
+    unread = np.isnan(table.numbers(places[0])) if places else np.ones(len(table.rows))
+    left = {at for at in np.flatnonzero(unread).tolist() if _is_words(table.rows[at][1], places, table.decimal)}
     if not left:
         return table, ()
-    numbers = [at for at, (_, row) in enumerate(table.rows) if at not in left and any(row)]
+    others = [at for at, (_, row) in enumerate(table.rows) if at not in left and any(row)]
     for at in sorted(left):
-        _refuse(table, at, numbers)
+        _refuse(table, at, others)
     rows = [each for at, each in enumerate(table.rows) if at not in left]
     while not any(rows[-1][1]):  # blank lines above words at the end
         rows.pop()
@@ -98,8 +101,10 @@ def cut_off(table: Table, columns: Sequence[Column], rows: int) -> bool:
     place = len(last) - 1
     if not last or not is_number(last[-1], table.decimal) or place not in {column.place for column in columns}:
         return False
+    ours, before = _decimals(last[place], table.decimal), table.rows[rows - 2][1]
+    if place < len(before) and len(ours) >= len(_decimals(before[place], table.decimal)):
+        return False
     above = {_decimals(row[place], table.decimal) for _, row in table.rows[: rows - 1] if place < len(row)}
-    ours = _decimals(last[place], table.decimal)
     return len(above) == 1 and len(ours) < len(next(iter(above))) and not _ends_a_line(table)
 
 

@@ -17,8 +17,11 @@ from sinew.tasks.data.quoted import unquoted, unwrapped
 from sinew.tasks.data.words import FOREIGN
 
 HUGE = 1e100
+LONGEST_NUMBER = 400  # characters
+CELLS_AT_A_TIME = 4096  # that are looked at together
 LONGEST_LINE = 100_000
-MAX_LINES, MAX_CELLS = 500_000, 10_000_000  # each takes memory, however short it is
+MAX_LINES, MAX_CELLS = 500_000, 8_000_000  # each takes memory, however short it is
+FOREIGN_CELLS = 5_000_000  # of a text that is not in the letters of western Europe, which takes more memory
 MAX_TEXT_BYTES = 64 * 2**20  # reading takes several times as much memory
 BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
 SEPARATORS = "\t;,|"
@@ -35,6 +38,10 @@ _CONTROL = re.compile(r"[\x01-\x08\x0e-\x1f]")  # what no text holds
 _ZEROS, _OTHER_ZEROS = 0.3, 0.05  # at least, of every second byte of UTF-16; and at most, of the others
 _LONGEST_CLOCK = 40  # characters
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
+_PLAIN = {
+    mark: re.compile(rf"(?:[-+]?(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][-+]?\d+)?\n)*+")
+    for mark in ".,"
+}
 #: A time of day or since the start, with a date in front or not: 0:42:18.87, 2024-05-03 10:22:33, 1:04:08 PM, 12:55.4.
 _CLOCK = re.compile(
     r"(?P<date>\d{4}([-/])\d\d\2\d\d[T ]|\d{1,2}[./]\d{1,2}[./]\d{4} )?"
@@ -116,8 +123,17 @@ def _utf16(content: bytes) -> str | None:
 
 def _decoded(path: Path) -> str:
     content = read_input(path, MAX_TEXT_BYTES, "a text export")
-    if max(content.count(b"\n"), content.count(b"\r")) > MAX_LINES or _most_cells(content) > MAX_CELLS:
+    count = _most_cells(content)
+    if max(content.count(b"\n"), content.count(b"\r")) > MAX_LINES or count > MAX_CELLS:
         raise BadInput(path, "too many rows or columns", f"at most {MAX_LINES:,} rows and {MAX_CELLS:,} cells")
+    text = _text_of(path, content)
+    if count > FOREIGN_CELLS and not text.isascii() and max(text) > "\xff":
+        raise BadInput(path, f"{count:,} cells of other letters than Latin ones", f"at most {FOREIGN_CELLS:,}")
+    return text
+
+
+def _text_of(path: Path, content: bytes) -> str:
+    """The text of a file's bytes, in whatever encoding it is."""
     if (encoding := _utf16(content)) is not None:
         try:
             return _PADDING.sub("", content.decode(encoding))
@@ -289,9 +305,30 @@ def milliseconds_unpadded(clocks: Sequence[str]) -> bool:
 
 def number(cell: str, decimal: str) -> float | None:
     """The number in a cell; None if it is no finite one below ``HUGE``. A clock time is one of seconds."""
-    if len(cell) >= 400 or not is_number(cell, decimal):
+    if len(cell) >= LONGEST_NUMBER or not is_number(cell, decimal):
         return None
     if is_clock(cell):
         return seconds_of(cell)
     value = float(cell.replace("," if decimal == "." else ".", "").replace(",", "."))
     return value if abs(value) < HUGE else None
+
+
+def numbers(cells: Sequence[str], decimal: str) -> list[float | None]:
+    """:func:`number` of each of many cells."""
+    found: list[float | None] = []
+    for start in range(0, len(cells), CELLS_AT_A_TIME):
+        part = cells[start : start + CELLS_AT_A_TIME]
+        values = [float(cell) for cell in _with_points(part, decimal)] if are_plain(part, decimal) else []
+        usual = values and max(values) < HUGE and min(values) > -HUGE and max(map(len, part)) < LONGEST_NUMBER
+        found += values if usual else [number(cell, decimal) for cell in part]
+    return found
+
+
+def are_plain(cells: Sequence[str], decimal: str) -> bool:
+    """Whether cells are numbers without marks for thousands, and no clock times: one look at all of them together."""
+    joined = "\n".join(cells) + "\n"
+    return joined.count("\n") == len(cells) and _PLAIN[decimal].fullmatch(joined) is not None
+
+
+def _with_points(cells: Sequence[str], decimal: str) -> Sequence[str]:
+    return cells if decimal == "." else [cell.replace(decimal, ".") for cell in cells]

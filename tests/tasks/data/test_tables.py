@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.inspection import inspect
+from sinew.tasks.data.layout import numeric_places, runs
 from sinew.tasks.data.sheets import Hidden
-from sinew.tasks.data.tables import Table, read_tables
+from sinew.tasks.data.tables import Table, read_source, read_tables, tables_of
 from tests.effort import at_most
 
 
@@ -316,3 +317,26 @@ def test_lists_in_brackets_are_no_table(tmp_path):
         inspect(path)
     path.write_text("[s],[mm],[N]\n" + "".join(f"{i},{i},{i}\n" for i in range(20)))
     assert len(next(read_tables(path)).rows) == 20
+
+
+@given(
+    st.lists(st.lists(st.sampled_from(["1", "2.5", "x", "", "1,5"]), max_size=4), max_size=40), st.sampled_from([2, 3])
+)
+def test_runs_end_where_a_row_lacks_a_number_of_the_first_rows(rows, fewest):
+    """As found row by row."""
+    for run in runs(rows, ".", fewest):
+        assert all(numeric_places(row, ".") >= run.columns for row in rows[run.start : run.end])
+        assert run.end == len(rows) or not numeric_places(rows[run.end], ".") >= run.columns
+
+
+def test_tables_that_go_on_to_the_end_copy_no_rows_and_are_looked_at_once(tmp_path, monkeypatch):
+    path = tmp_path / "many.csv"
+    heads = "".join(f"time,force,col{n}\n1,2,3\n2,3,4\n3,4,5\n" for n in range(50))
+    path.write_text(heads + "time,force,last\n" + "1,2,3\n" * 1000)
+    looked = []
+    monkeypatch.setattr("sinew.tasks.data.tables.tells_mark", lambda cell, decimal: looked.append(cell))
+    source = read_source(path)
+    found = list(tables_of(source))
+    assert len(found) == 51
+    assert all(table.rows.every is source.pages[0].rows for table in found)
+    assert len(looked) == 3 * (50 * 4 + 1000)

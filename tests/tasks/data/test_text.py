@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from sinew.runner.errors import BadInput
 from sinew.tasks.data.text import (
     HUGE,
+    are_plain,
     cells,
     check_text,
     days_after,
@@ -18,6 +19,7 @@ from sinew.tasks.data.text import (
     is_number,
     milliseconds_unpadded,
     number,
+    numbers,
     read_lines,
     records,
     seconds_of,
@@ -348,3 +350,38 @@ def test_what_is_no_clock_time(cell):
 def test_a_binary_file_of_labview_is_told(tmp_path):
     with pytest.raises(BadInput, match=r"a TDMS file of LabVIEW; expected the same saved as text \(\.lvm\) or as a "):
         read_lines(written(tmp_path, b"TDSm\x0e\0\0\0i\x12", "test.tdms"))
+
+
+PLAIN = st.from_regex(r"[-+]?(\d{1,4}(\.\d{0,3})?|\.\d{1,3})([eE][-+]?\d{1,3})?", fullmatch=True)
+ODD = st.sampled_from(
+    ["", "1,5", "1,367.91", "nan", "inf", "1_0", " 1", "0:12:01.5", "1\n2", "1e999", "9" * 401, "x", "٣.٥"]
+)
+
+
+@given(
+    st.lists(PLAIN, max_size=30), st.lists(ODD, max_size=2), st.sampled_from(".,"), st.randoms(use_true_random=False)
+)
+def test_many_cells_have_the_numbers_that_each_of_them_has(plain, odd, decimal, order):
+    every = [cell.replace(".", decimal) for cell in plain] + odd
+    order.shuffle(every)
+    assert numbers(every, decimal) == [number(cell, decimal) for cell in every]
+    if are_plain(every, decimal):
+        assert all(is_number(cell, decimal) for cell in every)
+
+
+def test_plain_numbers_are_looked_at_together(monkeypatch):
+    cells = [f"{n}.25" for n in range(20_000)]
+    monkeypatch.setattr("sinew.tasks.data.text.number", None)  # it is not called
+    assert numbers(cells, ".") == [float(cell) for cell in cells]
+
+
+def test_letters_that_take_more_memory_leave_room_for_fewer_cells(tmp_path, monkeypatch):
+    monkeypatch.setattr("sinew.tasks.data.text.FOREIGN_CELLS", 100)
+    path = tmp_path / "many.csv"
+    path.write_text("\u00e9,1,2\n" * 100, "utf-8")
+    assert len(read_lines(path)) == 100
+    path.write_text("\u0436,1,2\n" * 40, "utf-8")
+    assert len(read_lines(path)) == 40
+    path.write_text("\u0436,1,2\n" * 100, "utf-8")
+    with pytest.raises(BadInput, match="cells of other letters than Latin ones; expected at most 100"):
+        read_lines(path)

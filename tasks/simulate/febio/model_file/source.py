@@ -15,10 +15,14 @@ DEEPEST = 100
 MOST_ELEMENTS = 500_000  # beside those of the mesh: each takes up to 900 bytes
 LONGEST_NAME = 200  # characters of a tag, or of a name
 MOST_TEXT = 2**24  # characters beside the mesh
+MOST_ATTRIBUTES = 2_000_000  # of the elements that are kept
+MOST_NAMES = 100_000  # of tags and attributes; the parser keeps each
+MOST_BRACES = 1_000_000  # in the template, each becomes nine characters
 MESH = ("Mesh", "Geometry")  # below these sections only the sections themselves are kept
 VERSIONS = ("3.0", "4.0")
 _DECLARATION = re.compile(rb"\A\s*<\?xml[^>]*\?>\s*")
 _ENCODING = re.compile(rb"\A[^>]{0,200}?encoding\s*=\s*[\"']([A-Za-z0-9_.:-]{1,40})[\"']")
+_MANY_ATTRIBUTES = re.compile(rb"<(?![!?])(?:[^<=]*+=){10000}")  # of one element: the parser gives all of them at once
 _TAG = re.compile(rb"""<(?:[^"'>]++|"[^"]*+"|'[^']*+')*+>""")  # without places to return to, which take memory
 #: Encodings of models, as Python calls them. Others take time with the square of the text, or give no text at all.
 ENCODINGS = frozenset((
@@ -82,6 +86,10 @@ class Source:
 def read_source(path: Path) -> Source:
     """Read a FEBio input. Raises :class:`BadInput`."""
     text = _without_declaration(_in_utf_8(path, read_input(path, MAX_BYTES, "a FEBio input of at most 64 MB")))
+    if _MANY_ATTRIBUTES.search(text):
+        raise BadInput(path, "has an element of 10,000 attributes", "a model as FEBio Studio writes it")
+    if (braces := text.count(b"{")) > MOST_BRACES:
+        raise BadInput(path, f"has {braces:,} braces", f"at most {MOST_BRACES:,}")
     root = _elements(path, text)
     if root.tag != "febio_spec":
         raise BadInput(path, f"holds <{shown(root.tag)[1:-1]}>", "a FEBio model, which is a <febio_spec>")
@@ -148,24 +156,29 @@ def _check_prefixes(path: Path, tag: str, attributes: Mapping[str, str]) -> None
 
 def _elements(path: Path, text: bytes) -> Element:
     """The tree of elements, with their places. Raises :class:`BadInput` for what is no XML, or has a document type."""
-    parser = expat.ParserCreate("utf-8")
+    names: dict[str, str] = {}
+    parser = expat.ParserCreate("utf-8", intern=names)
     top = Element("", {}, 0)
     open_elements = [top]
     texts: list[list[str]] = [[]]  # of these
-    count = length = 0
+    count = length = given = 0
     skipped = 0  # depth below a part of the mesh, whose nodes and elements are not kept
 
     def refuse(*_: object) -> None:
         raise BadInput(path, "has a document type", "XML without one")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal skipped, count
+        nonlocal skipped, count, given
         _check_prefixes(path, tag, attributes)
+        if len(names) > MOST_NAMES:
+            raise BadInput(path, f"has more than {MOST_NAMES:,} names of tags and attributes", "a FEBio model")
         if skipped or (len(open_elements) == 4 and open_elements[2].tag in MESH):
             skipped += 1
             _check_depth(path, len(open_elements) + skipped)
             return
-        count += 1
+        count, given = count + 1, given + len(attributes)
+        if given > MOST_ATTRIBUTES:
+            raise BadInput(path, f"has more than {MOST_ATTRIBUTES:,} attributes beside its mesh", "a smaller model")
         _check_size(path, (tag, attributes.get("name", "")), count, len(open_elements))
         element = Element(tag, attributes, parser.CurrentByteIndex)
         open_elements[-1].children.append(element)

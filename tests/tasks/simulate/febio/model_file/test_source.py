@@ -140,6 +140,32 @@ def test_elements_beside_the_mesh_and_their_names_have_limits(tmp_path, monkeypa
             read(tmp_path, model(long))
 
 
+def test_attributes_and_braces_have_limits(tmp_path, monkeypatch):
+    many = " ".join(f'a{n}="1=2"' for n in range(5001))
+    usual = " ".join(f'a{n}=">"' for n in range(5001))
+    comment = f"<!-- {'=' * 20_000} -->"
+    assert read(tmp_path, model(f"<a {usual}/>{comment}")).section("Material").children
+    for one in (model(f"<a {many}/>"), CUBE.replace("</Nodes>", f"<node {many}/></Nodes>")):
+        with pytest.raises(BadInput, match="has an element of 10,000 attributes"):
+            read(tmp_path, one)
+    monkeypatch.setattr(source_module, "MOST_ATTRIBUTES", 100)
+    read(tmp_path, model('<a b="1" c="1"/>' * 49))
+    with pytest.raises(BadInput, match="has more than 100 attributes beside its mesh"):
+        read(tmp_path, model('<a b="1" c="1"/>' * 51))
+    monkeypatch.setattr(source_module, "MOST_BRACES", 10)
+    read(tmp_path, model("<!-- {{{{{{{{{{ -->"))
+    with pytest.raises(BadInput, match="has 11 braces; expected at most 10"):
+        read(tmp_path, model("<!-- {{{{{{{{{{{ -->"))
+
+
+def test_names_that_the_parser_keeps_have_a_limit_in_a_mesh_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(source_module, "MOST_NAMES", 200)
+    read(tmp_path, CUBE)
+    nodes = "".join(f'<node id="{n}" a{n}="1">0,0,0</node>' for n in range(200))
+    with pytest.raises(BadInput, match="has more than 200 names of tags and attributes"):
+        read(tmp_path, CUBE.replace("</Nodes>", f"{nodes}</Nodes>"))
+
+
 @pytest.mark.parametrize(
     ("mesh", "words"),
     [
