@@ -18,6 +18,9 @@ MEMORY_BYTES, SECONDS = 2**31, 60  # of the process
 MAX_TABLES = 100  # and as many indexes
 MOST_ROWS = {"version": 1, "abc_smc": 1, "populations": 10_000}  # pyABC asks for each of them once more
 MAX_TEXT_BYTES = 2**16
+#: What is averaged: a missing or infinite one would make means of nothing.
+NUMBERS = {"particles": ("w",), "parameters": ("value",)}
+NO_NUMBER = "{0} IS NULL OR abs({0}) > 1.7976931348623157e308"
 DAMAGED = "damaged ({})"
 #: What SQLite, which keeps any value in any column, may hold where SQLAlchemy expects a type of Python.
 HELD = {
@@ -82,6 +85,8 @@ def _other(database: sqlite3.Connection, table: str, columns: Mapping[str, str])
         if not wrong and kind == "str":
             longest = f"SELECT 'a text of ' || max(length(CAST({column} AS BLOB))) || ' bytes' FROM {table}"  # noqa: S608
             wrong = found(f"{longest} HAVING max(length(CAST({column} AS BLOB))) > {MAX_TEXT_BYTES}")
+        if not wrong and column in NUMBERS.get(table, ()):
+            wrong = found(f"SELECT 'no finite number' FROM {table} WHERE {NO_NUMBER.format(column)} LIMIT 1")  # noqa: S608
         if wrong:
             return f"holds {wrong[0]} in {table}.{column}"
     return None

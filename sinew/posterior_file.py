@@ -44,6 +44,9 @@ def _unreadable(path: Path) -> str | None:
         found = arviz().from_netcdf(str(path), engine="h5netcdf")
         for group in found.groups():
             found[group].load()
+        for name, values in found["posterior"].data_vars.items() if "posterior" in found.groups() else ():
+            if values.dtype.kind == "f" and not np.isfinite(values).all():
+                return f"has draws of {name} that are no finite numbers"
     except Exception as error:  # noqa: BLE001 - what libraries raise for damaged files is no closed list
         return f"damaged ({error})"
     return None

@@ -68,6 +68,8 @@ def test_a_database_whose_tables_compute_is_refused(copied_run, monkeypatch, cha
         ("DELETE FROM abc_smc", "holds nothing in abc_smc"),
         ("DELETE FROM populations", "holds nothing in populations"),
         ("UPDATE parameters SET value = 'x'", "holds text in parameters.value"),
+        ("UPDATE parameters SET value = NULL WHERE id = 20", "holds no finite number in parameters.value"),
+        ("UPDATE particles SET w = -9e999", "holds no finite number in particles.w"),
         ("UPDATE populations SET t = 0.5", "holds real in populations.t"),
         ("UPDATE summary_statistics SET value = 'x'", "holds text in summary_statistics.value"),
         ("UPDATE abc_smc SET start_time = 'yesterday'", "holds text in abc_smc.start_time"),
@@ -296,6 +298,13 @@ def test_a_posterior_with_more_beside_its_draws_is_refused(copied_run, name, att
 
     change_posterior(copied_run, add)
     with pytest.raises(BadInput, match=rf"distal\.nc: {problem}"):
+        sinew.results(copied_run).arviz("distal")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_draws_that_are_no_numbers_are_not_averaged(copied_run, value):
+    change_posterior(copied_run, lambda file: file["posterior/E_f"].__setitem__((0, 3), value))
+    with pytest.raises(BadInput, match=r"distal\.nc: has draws of E_f that are no finite numbers"):
         sinew.results(copied_run).arviz("distal")
 
 

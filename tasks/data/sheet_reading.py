@@ -30,6 +30,8 @@ MEMORY_BYTES = 2**31  # of the process
 SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
 MAX_SHEETS = 2_000
 MAX_BYTES = 2**26  # of all texts: a text that is stored once may stand in every cell
+LONGEST_NAME = 300  # of a sheet
+MOST_EMPTY = 50_000  # rows, each of which takes time as one with numbers does
 EXPECTED = f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"
 
 MEMORY = f"takes more than {MEMORY_BYTES / 2**30:g} GB"
@@ -76,6 +78,8 @@ def lines_of(content: bytes) -> Iterator[dict[str, Any] | list[str]]:
             raise TooMuch("two sheets with the same name", "another name for each")
         visible = {one.name: one.visible == SheetVisibleEnum.Visible for one in workbook.sheets_metadata}
         for name in workbook.sheet_names:
+            if len(str(name)) > LONGEST_NAME:
+                raise TooMuch(f"a sheet with a name of {len(str(name)):,} characters", f"at most {LONGEST_NAME}")
             look = looks.get(str(name), Look())
             sheet = workbook.get_sheet_by_name(name)
             hidden_rows = sorted(row for row in look.rows if row <= sheet.total_height + 1)
@@ -88,8 +92,12 @@ def lines_of(content: bytes) -> Iterator[dict[str, Any] | list[str]]:
             cells += (sheet.total_height + 1) * (sheet.total_width + 1)  # of the last row and column, from 0
             if cells > MAX_CELLS:
                 raise TooMuch(f"{cells:,} cells up to the last one that is not empty", EXPECTED)
+            empty = 0
             for row in _with_midnights(_as_shown(sheet.to_python(skip_empty_area=False), look.cells)):
                 texts = list(map(_text, row))
+                empty = 0 if any(texts) else empty + 1
+                if empty > MOST_EMPTY:
+                    raise TooMuch(f"more than {MOST_EMPTY:,} empty rows one after the other", "a sheet without them")
                 size += sum(len(text.encode("utf-8", "replace")) for text in texts)
                 if size > MAX_BYTES:
                     raise TooMuch(f"more than {MAX_BYTES:,} bytes of text", EXPECTED)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 import signal
 import subprocess
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sinew.runner.errors import BadInput, one_line
-from sinew.runner.files import in_megabytes, read_input
+from sinew.runner.files import NotReadable, in_megabytes, open_regular, read_input
 from sinew.runner.limits import command
 from sinew.runner.zip_end import directory_of
 from sinew.tasks.data import sheet_reading
@@ -38,9 +39,9 @@ def _is_text(path: Path) -> bool:
     if not path.is_file():
         return False
     try:
-        with open(path, "rb") as file:
+        with open(open_regular(path, os.O_RDONLY), "rb") as file:
             start = file.read(FIRST_BYTES)
-    except OSError:
+    except (OSError, NotReadable):
         return False  # whoever reads it says why
     return bool(start) and not start.lstrip().startswith(b"<") and not _NO_TEXT.search(start)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sinew.runner.errors import BadInput
-from sinew.runner.files import in_megabytes, read_input
+from sinew.runner.files import NotReadable, in_megabytes, open_regular, read_input
 from sinew.tasks.data.quoted import unquoted, unwrapped
 from sinew.tasks.data.words import FOREIGN
 
@@ -77,8 +77,10 @@ def check_text(path: Path, max_bytes: int, *, export: bool = False) -> None:
     if size > max_bytes:
         raise BadInput(path, in_megabytes(size), f"at most {max_bytes / 2**20:,.0f} MB")
     try:
-        with open(path, "rb") as file:
+        with open(open_regular(path, os.O_RDONLY), "rb") as file:  # it may have become a pipe, which nobody fills
             start = file.read(4096)
+    except NotReadable as problem:
+        raise BadInput(path, str(problem), "a text file") from None
     except OSError as error:
         raise BadInput(path, (error.strerror or "cannot be read").lower(), "a readable file") from None
     if start.startswith(TDMS):

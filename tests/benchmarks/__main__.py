@@ -9,7 +9,7 @@ from importlib import import_module
 
 NAMES = (
     "kernel", "study", "durable", "memory", "febio", "resume", "scale", "calibration", "sampler", "sobol", "surrogate",
-    "discrepancy", "fidelities", "restarts", "dependent",
+    "discrepancy", "fidelities", "restarts", "dependent", "population",
 )  # fmt: skip
 
 

@@ -1,6 +1,9 @@
 """Text files: what is refused unread, encodings, lines, cells and numbers."""
 
 import math
+import os
+import threading
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -8,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sinew.runner.errors import BadInput
+from sinew.tasks.data.sheets import is_sheet
 from sinew.tasks.data.text import (
     HUGE,
-    are_plain,
     cells,
     check_text,
     days_after,
@@ -19,7 +22,6 @@ from sinew.tasks.data.text import (
     is_number,
     milliseconds_unpadded,
     number,
-    numbers,
     read_lines,
     records,
     seconds_of,
@@ -352,29 +354,6 @@ def test_a_binary_file_of_labview_is_told(tmp_path):
         read_lines(written(tmp_path, b"TDSm\x0e\0\0\0i\x12", "test.tdms"))
 
 
-PLAIN = st.from_regex(r"[-+]?(\d{1,4}(\.\d{0,3})?|\.\d{1,3})([eE][-+]?\d{1,3})?", fullmatch=True)
-ODD = st.sampled_from(
-    ["", "1,5", "1,367.91", "nan", "inf", "1_0", " 1", "0:12:01.5", "1\n2", "1e999", "9" * 401, "x", "٣.٥"]
-)
-
-
-@given(
-    st.lists(PLAIN, max_size=30), st.lists(ODD, max_size=2), st.sampled_from(".,"), st.randoms(use_true_random=False)
-)
-def test_many_cells_have_the_numbers_that_each_of_them_has(plain, odd, decimal, order):
-    every = [cell.replace(".", decimal) for cell in plain] + odd
-    order.shuffle(every)
-    assert numbers(every, decimal) == [number(cell, decimal) for cell in every]
-    if are_plain(every, decimal):
-        assert all(is_number(cell, decimal) for cell in every)
-
-
-def test_plain_numbers_are_looked_at_together(monkeypatch):
-    cells = [f"{n}.25" for n in range(20_000)]
-    monkeypatch.setattr("sinew.tasks.data.text.number", None)  # it is not called
-    assert numbers(cells, ".") == [float(cell) for cell in cells]
-
-
 def test_letters_that_take_more_memory_leave_room_for_fewer_cells(tmp_path, monkeypatch):
     monkeypatch.setattr("sinew.tasks.data.text.FOREIGN_CELLS", 100)
     path = tmp_path / "many.csv"
@@ -385,3 +364,22 @@ def test_letters_that_take_more_memory_leave_room_for_fewer_cells(tmp_path, monk
     path.write_text("\u0436,1,2\n" * 100, "utf-8")
     with pytest.raises(BadInput, match="cells of other letters than Latin ones; expected at most 100"):
         read_lines(path)
+
+
+@pytest.mark.parametrize("name", ["test.csv", "test.xls"])
+def test_a_file_that_becomes_a_pipe_is_not_waited_for(tmp_path, monkeypatch, name):
+    path = tmp_path / name
+    os.mkfifo(path)
+    monkeypatch.setattr(Path, "is_file", lambda self: True)  # it was one when it was looked at
+    monkeypatch.setattr(os, "stat", lambda path, **options: os.lstat(__file__))
+
+    def write() -> None:
+        with suppress(OSError), open(os.open(path, os.O_WRONLY | os.O_NONBLOCK), "w") as file:
+            file.write("1,2,3\n")  # for whoever still waits
+
+    writer = threading.Timer(10.0, write)
+    writer.start()
+    assert is_sheet(path) is (name == "test.xls")
+    with pytest.raises(BadInput, match="pipe"):
+        check_text(path, 2**20)
+    writer.cancel()

@@ -156,6 +156,20 @@ def test_cells_of_all_sheets_count(tmp_path, monkeypatch):
     assert [len(line) for line in sheet_reading.lines_of(path.read_bytes())] == [4, 15, 4, 15]
 
 
+def test_empty_rows_and_names_of_sheets_have_limits(tmp_path, monkeypatch):
+    monkeypatch.setattr(sheet_reading, "MOST_EMPTY", 3)
+    path = write_workbook(tmp_path / "a.xlsx", one=[[1], *[[None]] * 3, [2], *[[None]] * 3, [3]])
+    assert len(list(sheet_reading.lines_of(path.read_bytes()))) == 10
+    path = write_workbook(tmp_path / "b.xlsx", one=[[1], *[[None]] * 4, [2]])
+    with pytest.raises(sheet_reading.TooMuch, match="more than 3 empty rows one after the other"):
+        list(sheet_reading.lines_of(path.read_bytes()))
+    path = write_workbook(tmp_path / "c.xlsx", **{"s" * 31: [[1]]})
+    assert len(list(sheet_reading.lines_of(path.read_bytes()))) == 2
+    monkeypatch.setattr(sheet_reading, "LONGEST_NAME", 30)
+    with pytest.raises(sheet_reading.TooMuch, match="a sheet with a name of 31 characters"):
+        list(sheet_reading.lines_of(path.read_bytes()))
+
+
 def test_a_text_in_every_cell_has_a_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(sheet_reading, "MAX_BYTES", 1000)
     path = write_workbook(tmp_path / "a.xlsx", one=[["a" * 100]] * 11)

@@ -10,6 +10,7 @@ from sinew.tasks.simulate.febio.model_file.contents import Contents, Material, M
 from sinew.tasks.simulate.febio.settings import IDENTIFIER, OF_THE_STORE
 from sinew.tasks.simulate.febio.variables import TAKEN
 
+COMPARED = 10_000  # names that are compared with an unknown one
 REDUCTIONS = ("sum", "mean", "max", "min")
 POISSON = re.compile(r"(.*\.)?(v|nu|v12|v23|v31)")
 _MEASURE = re.compile(r"(?P<name>[^=@]+)=(?P<item>[^@]+)@(?P<set>.+?)(?::(?P<reduce>sum|mean|max|min))?")
@@ -172,6 +173,6 @@ def _output(where: str, contents: Contents, name: str, item: str, target: str, r
 
 def _some(near: str, names: Sequence[str]) -> str:
     """The names nearest to one, for a message."""
-    close = get_close_matches(near, names, 5, 0.4) or list(names)[:5]
+    close = get_close_matches(near, list(names)[:COMPARED], 5, 0.4) or list(names)[:5]
     more = f", ... ({len(names)} in all)" if len(names) > len(close) else ""
     return f"one of {', '.join(close)}{more}" if names else "none: the model has none"

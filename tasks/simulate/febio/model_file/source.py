@@ -133,14 +133,34 @@ def _in_utf_8(path: Path, content: bytes) -> bytes:
         raise BadInput(path, f"is not text in {encoding}", "a FEBio input in the encoding that it names") from None
 
 
-def _check_size(path: Path, names: tuple[str, str], count: int, depth: int) -> None:
-    """Refuse the element number ``count`` with these names if it is one too many. Raises :class:`BadInput`."""
-    if count > MOST_ELEMENTS:
-        raise BadInput(path, f"has more than {MOST_ELEMENTS:,} elements beside its mesh", "a smaller model")
-    for name in names:
-        if len(name) > LONGEST_NAME:
-            raise BadInput(path, f"has a name of {len(name):,} characters", f"at most {LONGEST_NAME}")
-    _check_depth(path, depth)
+@dataclass
+class _Kept:
+    """How much of a model is kept. Its methods raise :class:`BadInput` for one too many."""
+
+    path: Path
+    elements: int = 0
+    attributes: int = 0
+    characters: int = 0
+
+    def element(self, tag: str, attributes: Mapping[str, str], depth: int) -> None:
+        """Count an element."""
+        self.elements += 1
+        self.attributes += len(attributes)
+        self._check(self.elements, MOST_ELEMENTS, "elements")
+        self._check(self.attributes, MOST_ATTRIBUTES, "attributes")
+        for name in (tag, attributes.get("name", "")):
+            if len(name) > LONGEST_NAME:
+                raise BadInput(self.path, f"has a name of {len(name):,} characters", f"at most {LONGEST_NAME}")
+        _check_depth(self.path, depth)
+
+    def text(self, size: int) -> None:
+        """Count characters."""
+        self.characters += size
+        self._check(self.characters, MOST_TEXT, "characters")
+
+    def _check(self, count: int, most: int, what: str) -> None:
+        if count > most:
+            raise BadInput(self.path, f"has more than {most:,} {what} beside its mesh", "a smaller model")
 
 
 def _check_depth(path: Path, depth: int) -> None:
@@ -161,14 +181,14 @@ def _elements(path: Path, text: bytes) -> Element:
     top = Element("", {}, 0)
     open_elements = [top]
     texts: list[list[str]] = [[]]  # of these
-    count = length = given = 0
+    kept = _Kept(path)
     skipped = 0  # depth below a part of the mesh, whose nodes and elements are not kept
 
     def refuse(*_: object) -> None:
         raise BadInput(path, "has a document type", "XML without one")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal skipped, count, given
+        nonlocal skipped
         _check_prefixes(path, tag, attributes)
         if len(names) > MOST_NAMES:
             raise BadInput(path, f"has more than {MOST_NAMES:,} names of tags and attributes", "a FEBio model")
@@ -176,10 +196,7 @@ def _elements(path: Path, text: bytes) -> Element:
             skipped += 1
             _check_depth(path, len(open_elements) + skipped)
             return
-        count, given = count + 1, given + len(attributes)
-        if given > MOST_ATTRIBUTES:
-            raise BadInput(path, f"has more than {MOST_ATTRIBUTES:,} attributes beside its mesh", "a smaller model")
-        _check_size(path, (tag, attributes.get("name", "")), count, len(open_elements))
+        kept.element(tag, attributes, len(open_elements))
         element = Element(tag, attributes, parser.CurrentByteIndex)
         open_elements[-1].children.append(element)
         open_elements.append(element)
@@ -203,11 +220,8 @@ def _elements(path: Path, text: bytes) -> Element:
         element.inside, element.end = (begin, at), closing.end()
 
     def characters(data: str) -> None:
-        nonlocal length
         if not skipped and not (len(open_elements) == 4 and open_elements[2].tag in MESH):
-            length += len(data)
-            if length > MOST_TEXT:
-                raise BadInput(path, f"has more than {MOST_TEXT:,} characters beside its mesh", "a smaller model")
+            kept.text(len(data))
             texts[-1].append(data)
 
     parser.buffer_text = True
