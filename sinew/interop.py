@@ -69,7 +69,9 @@ def salib_samples(result: SobolResult, folder: Path, specimen: str) -> tuple[Arr
         raise BadInput(f"{where}: specimen", shown(specimen), f"one of {', '.join(result.tables)}")
     problem, second = salib_problem(result), result.S2 is not None
     if result.correlations:
-        raise BadInput(where, "its parameters are correlated, for which SALib has no design", "a study without that")
+        raise BadInput(
+            where, "its parameters are correlated, for which SALib has no design", "a study without correlations"
+        )
     table = _table(folder, result.tables[specimen])
     names, asked = _parameters(table), problem["names"]
     unknown = [name for name in asked if name not in names]

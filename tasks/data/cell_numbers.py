@@ -51,39 +51,36 @@ def empty_row(path: Path, row: int) -> BadInput:
     return BadInput(f"{path}: row {row}", "an empty row among the numbers", expected)
 
 
-def numbers_of(table: Table, rows: range, columns: Sequence[Column]) -> Array:
-    """The numbers ``[t, columns]`` of columns, as :func:`number_of` has them. Raises :class:`BadInput`."""
-    places = [column.place for column in columns]
+def measured(table: Table, rows: range, columns: Sequence[Column]) -> Array:
+    """The numbers ``[t, columns]`` of columns in some rows; 0 for times that no column holds.
+
+    Raises :class:`BadInput` for the first cell without one.
+    """
     found = np.zeros((len(rows), len(columns)))
-    for at, place in enumerate(places):
-        if place != NOWHERE:
-            found[:, at] = table.numbers(place)[rows]
-    for row in np.flatnonzero(np.isnan(found).any(axis=1))[:1]:
-        for column in columns:
-            number_of(table, rows.start + int(row), column)
+    for at, column in enumerate(columns):
+        if column.place != NOWHERE:
+            found[:, at] = table.numbers(column.place)[rows]
+    if (missing := np.argwhere(np.isnan(found))).size:
+        row, at = missing[0].tolist()
+        raise _no_number(table, rows[row], columns[at])
     return found
 
 
-def number_of(table: Table, row: int, column: Column) -> float:
-    """The number of a column in a row; 0 for times that no column holds. Raises :class:`BadInput`."""
-    if column.place == NOWHERE:
-        return 0.0
-    value = table.number(row, column.place)
-    if value is None:
-        at, cells = table.rows[row]
-        cell = cells[column.place] if column.place < len(cells) else ""
-        if not any(cells):
-            raise empty_row(table.path, at)
-        where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
-        if not cell:
-            formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""
-            behind = len(table.rows) - row
-            last = table.rows[-1][0]
-            rest = f"row {at} if it is" if behind == 1 else f"rows {at} to {last} if they are"
-            summary = f"; delete {rest} a summary" if behind < FEWEST_ROWS <= row else ""
-            raise BadInput(where, "an empty cell", f"a finite number, like those above{formula}{summary}")
-        if is_clock(cell) and table.has_clock(column.place):
-            raise BadInput(where, shown(cell), "a time of the same day as those above, or dates such as 2024-05-03")
-        mark = "a point" if table.decimal == "." else "a comma"
-        raise BadInput(where, shown(cell), f"a finite number with {mark} as decimal mark, like those above")
-    return value
+def _no_number(table: Table, row: int, column: Column) -> BadInput:
+    """The refusal of a cell without a number in a row of a table."""
+    at, cells = table.rows[row]
+    cell = cells[column.place] if column.place < len(cells) else ""
+    if not any(cells):
+        return empty_row(table.path, at)
+    where = f"{table.path}: row {at}, {column.title or column.quantity.name}"
+    if not cell:
+        formula = "; a formula needs the value that Excel or LibreOffice saves with it" if table.sheet else ""
+        behind = len(table.rows) - row
+        last = table.rows[-1][0]
+        rest = f"row {at} if it is" if behind == 1 else f"rows {at} to {last} if they are"
+        summary = f"; delete {rest} a summary" if behind < FEWEST_ROWS <= row else ""
+        return BadInput(where, "an empty cell", f"a finite number, like those above{formula}{summary}")
+    if is_clock(cell) and table.has_clock(column.place):
+        return BadInput(where, shown(cell), "a time of the same day as those above, or dates such as 2024-05-03")
+    mark = "a point" if table.decimal == "." else "a comma"
+    return BadInput(where, shown(cell), f"a finite number with {mark} as decimal mark, like those above")

@@ -3,6 +3,8 @@
 import re
 from collections.abc import Sequence
 
+import numpy as np
+
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.columns import NOWHERE, Column
 from sinew.tasks.data.hints import Hints
@@ -53,5 +55,5 @@ def _refuse_same(table: Table, motion: Column | None, load: Column | None) -> No
 
 def _moves(table: Table, place: int) -> bool:
     """Whether most numbers of a column are not zero."""
-    numbers = [table.number(row, place) for row in range(len(table.rows))]
-    return 2 * sum(bool(number) for number in numbers) > len(numbers)
+    numbers = table.numbers(place)
+    return bool(2 * np.count_nonzero(np.nan_to_num(numbers)) > numbers.size)

@@ -36,8 +36,8 @@ def changes(table: Table, place: int) -> bool:
 
 def untimed(table: Table, place: int) -> bool:
     """Whether no speed of the motion in a column tells the time: it has the same number in two rows, or turns often."""
-    found = (table.number(row, place) for row in range(len(table.rows)))
-    numbers = np.array([number for number in found if number is not None])
+    found = table.numbers(place)
+    numbers = found[np.isfinite(found)]
     return bool((np.diff(numbers) == 0.0).any() or turns_often(numbers))
 
 

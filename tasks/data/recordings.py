@@ -10,7 +10,7 @@ import numpy as np
 
 from sinew.runner.errors import BadInput, shown
 from sinew.tasks.data.apart_by_columns import refuse_several, told_apart
-from sinew.tasks.data.cell_numbers import filled_rows, numbers_of, unread_at_start
+from sinew.tasks.data.cell_numbers import filled_rows, measured, unread_at_start
 from sinew.tasks.data.chosen_sheet import of_sheet
 from sinew.tasks.data.columns import NOWHERE, Column, alike_places, recognise
 from sinew.tasks.data.further import kept
@@ -213,7 +213,7 @@ def _recording(
     table: Table, columns: Columns, hints: Hints, block: Block, told: Mapping[str, Size], number: int, beside: int
 ) -> Recording:
     """The test in a block of rows of a table; ``told``: its sizes, ``number``: which of the tests ``beside`` others."""
-    numbers = numbers_of(table, range(block.start, block.end), columns)
+    numbers = measured(table, range(block.start, block.end), columns)
     raw, numbers = numbers, numbers * [column.factor for column in columns]
     beyond = np.argwhere(~(np.abs(numbers) < HUGE))
     if beyond.size:

@@ -31,7 +31,7 @@ SECONDS = 60  # of a processor; a spreadsheet of the largest size takes less
 MAX_SHEETS = 2_000
 MAX_BYTES = 2**26  # of all texts: a text that is stored once may stand in every cell
 LONGEST_NAME = 300  # of a sheet
-MOST_EMPTY = 50_000  # rows, each of which takes time as one with numbers does
+MOST_EMPTY = 50_000  # consecutive rows: each takes as much time as one with numbers
 EXPECTED = f"at most {MAX_CELLS:,} cells and {MAX_BYTES:,} bytes of text"
 
 MEMORY = f"takes more than {MEMORY_BYTES / 2**30:g} GB"
@@ -97,7 +97,7 @@ def lines_of(content: bytes) -> Iterator[dict[str, Any] | list[str]]:
                 texts = list(map(_text, row))
                 empty = 0 if any(texts) else empty + 1
                 if empty > MOST_EMPTY:
-                    raise TooMuch(f"more than {MOST_EMPTY:,} empty rows one after the other", "a sheet without them")
+                    raise TooMuch(f"more than {MOST_EMPTY:,} consecutive empty rows", "a sheet without them")
                 size += sum(len(text.encode("utf-8", "replace")) for text in texts)
                 if size > MAX_BYTES:
                     raise TooMuch(f"more than {MAX_BYTES:,} bytes of text", EXPECTED)

@@ -105,9 +105,9 @@ class Table:
         """:meth:`number` of every row, NaN where there is none. It is kept, and takes a fraction of the time."""
         if column not in self._numbers:
             cells = [row[column] if 0 <= column < len(row) else "" for _, row in self.rows]
-            clock = self.has_clock(column) or any(":" in cell for cell in cells)
+            clocks = any(":" in cell for cell in cells)
             every = range(len(self.rows))
-            found = [self.number(row, column) for row in every] if clock else numbers(cells, self.decimal)
+            found = [self.number(row, column) for row in every] if clocks else numbers(cells, self.decimal)
             self._numbers[column] = np.array(found, dtype=float)  # None becomes NaN
         return self._numbers[column]
 

@@ -21,7 +21,7 @@ LONGEST_NUMBER = 400  # characters
 CELLS_AT_A_TIME = 4096  # that are looked at together
 LONGEST_LINE = 100_000
 MAX_LINES, MAX_CELLS = 500_000, 8_000_000  # each takes memory, however short it is
-FOREIGN_CELLS = 5_000_000  # of a text that is not in the letters of western Europe, which takes more memory
+FOREIGN_CELLS = 5_000_000  # of a text with letters beyond Latin-1, each of whose cells takes more memory
 MAX_TEXT_BYTES = 64 * 2**20  # reading takes several times as much memory
 BINARY = {".pkl", ".pickle", ".p", ".npy", ".npz", ".joblib", ".dill", ".pt", ".mat"}
 SEPARATORS = "\t;,|"
@@ -130,7 +130,9 @@ def _decoded(path: Path) -> str:
         raise BadInput(path, "too many rows or columns", f"at most {MAX_LINES:,} rows and {MAX_CELLS:,} cells")
     text = _text_of(path, content)
     if count > FOREIGN_CELLS and not text.isascii() and max(text) > "\xff":
-        raise BadInput(path, f"{count:,} cells of other letters than Latin ones", f"at most {FOREIGN_CELLS:,}")
+        raise BadInput(
+            path, f"{count:,} cells, with letters beyond Latin-1", f"at most {FOREIGN_CELLS:,} with such letters"
+        )
     return text
 
 

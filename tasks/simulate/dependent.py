@@ -50,32 +50,27 @@ def _rows_of(a: Array, b: Array, correlation: Array, factors: Sequence[Sequence[
     first, anew = (ndtri(np.clip(each, LEAST, 1.0 - LEAST)) for each in (a, b))
     first = _times(lower, first)
     every = np.arange(len(factors))
-    alone = np.array([[*every[every != j], j] for j in every])  # each stands last once: it alone is drawn anew
-    single = [order[np.newaxis] for order in alone]
-    others = [np.roll(order, 1)[np.newaxis] for order in alone]
     # what is drawn anew is so in one order everywhere: rows that differ in one parameter differ in little else then
-    along = [
-        np.concatenate([orders[:, length:], np.sort(orders[:, :length], axis=1)], axis=1)
-        for length in lengths(len(every))
+    kept_first = [
+        *((np.append(np.delete(every, j), j)[np.newaxis], every.size - 1) for j in every),
+        *((np.append(j, np.delete(every, j))[np.newaxis], 1) for j in every),
+        *(
+            (np.concatenate([orders[:, length:], np.sort(orders[:, :length], axis=1)], axis=1), every.size - length)
+            for length in lengths(every.size)
+        ),
     ]
-    kept = [
-        *(len(every) - 1 for _ in single),
-        *(1 for _ in others),
-        *(len(every) - each for each in lengths(len(every))),
-    ]
-    rows = [
-        _drawn_anew(first, anew, correlation, *_parameters_of(order, factors), stays)
-        for order, stays in zip([*single, *others, *along], kept, strict=True)
-    ]
-    scores = [first, *rows, _times(lower, anew)]
-    return np.asarray(ndtr(np.stack(scores, axis=1)))
+    rows = [_drawn_anew(first, anew, correlation, *_parameters_of(order, factors), kept) for order, kept in kept_first]
+    return np.asarray(ndtr(np.stack([first, *rows, _times(lower, anew)], axis=1)))
 
 
 def _parameters_of(order: Array, factors: Sequence[Sequence[int]]) -> tuple[Array, Array]:
     """The parameters ``[k, size]`` of an order of factors ``[k, factors]``, and which place in it each belongs to."""
-    parameters = np.array([[at for factor in one for at in factors[factor]] for one in order])
-    places = np.array([[place for place, factor in enumerate(one) for _ in factors[factor]] for one in order])
-    return parameters, places
+    factor = np.empty(sum(map(len, factors)), dtype=int)
+    for number, places in enumerate(factors):
+        factor[list(places)] = number
+    place = np.argsort(order, axis=1)[:, factor]
+    parameters = np.argsort(place, axis=1, kind="stable")
+    return parameters, np.take_along_axis(place, parameters, axis=1)
 
 
 def _drawn_anew(scores: Array, anew: Array, correlation: Array, order: Array, places: Array, kept: int) -> Array:

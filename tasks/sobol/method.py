@@ -6,14 +6,16 @@ given the smallest, the mean and the largest outcome.
 """
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from sinew.tasks.simulate.saltelli import Design
-from sinew.tasks.sobol.result import KEYS, SHAPLEY, Analysis, Indices
+from sinew.tasks.sobol.result import KEYS, Analysis, Indices
 from sinew.tasks.sobol.shapley import terms
 from sinew.tasks.study.streams import Stream, state
 
@@ -67,13 +69,8 @@ def indices(blocks: Array, scramble: Array, intervals: Intervals) -> dict[str, A
     """
     given = _resampled(blocks, scramble, intervals)
     a, b = given.scaled[:, 0], given.scaled[:, -1]
-    found: dict[str, list[Array]] = {key: [] for key in KEYS}
-    for j in range(blocks.shape[1] - 2):
-        ab = given.scaled[:, 1 + j]
-        for key, each in (("S1", b * (ab - a)), ("ST", 0.5 * (a - ab) ** 2)):
-            for name, value in zip((key, f"{key}_conf"), given.share(each, given.variance), strict=True):
-                found[name].append(value)
-    return {key: np.array(values) for key, values in found.items()}
+    every = (given.scaled[:, 1 + j] for j in range(blocks.shape[1] - 2))
+    return given.shares((("S1", b * (ab - a)), ("ST", 0.5 * (a - ab) ** 2)) for ab in every)
 
 
 def dependent_indices(blocks: Array, orders: Array, scramble: Array, intervals: Intervals) -> dict[str, Array]:
@@ -82,14 +79,8 @@ def dependent_indices(blocks: Array, orders: Array, scramble: Array, intervals: 
     ``blocks`` ``[n, block, m]``: all rows of :mod:`sinew.tasks.simulate.dependent`, whose ``orders`` are ``[n, d]``.
     """
     given = _resampled(blocks, scramble, intervals)
-    found: dict[str, list[Array]] = {key: [] for key in (*KEYS, *SHAPLEY)}
-    of_all = given.draws @ (0.5 * (given.scaled[:, 0] - given.scaled[:, -1]) ** 2)
-    for first, total, added in terms(given.scaled, orders):
-        shares = (("S1", first, given.variance), ("ST", total, given.variance), (SHAPLEY[0], added, of_all))
-        for key, each, variance in shares:
-            for name, value in zip((key, f"{key}_conf"), given.share(each, variance), strict=True):
-                found[name].append(value)
-    return {key: np.array(values) for key, values in found.items()}
+    every = terms(given.scaled, orders)
+    return given.shares((("S1", first), ("ST", total), ("Sh", added)) for first, total, added in every)
 
 
 def of_design(design: Design, outcomes: Array, whole: Array, intervals: Intervals) -> dict[str, Array]:
@@ -105,6 +96,7 @@ class _Resampled:
     """Outcomes ``scaled`` ``[n, block, m]`` to a mean of 0 and a spread of 1, and what is resampled of them.
 
     ``draws`` ``[1 + r, n]``: of the sample itself, and of its resamples; ``variance`` ``[1 + r, m]``: of A and B.
+    Terms of Shapley effects are parts of ``of_pairs``, (A - B)^2 / 2, so that the effects sum to 1.
     """
 
     scaled: Array
@@ -113,12 +105,22 @@ class _Resampled:
     factor: float
     variance: Array
 
-    def share(self, each: Array, variance: Array) -> tuple[Array, Array]:
-        """What the mean of ``each`` ``[n, m]`` is of a ``variance`` ``[1 + r, m]``, and half its interval."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            value = (self.draws @ each) / variance
-            half = self.factor * value[1:].std(axis=0, ddof=1)
-        return np.where(self.varies, value[0], np.nan), np.where(self.varies, half, np.nan)
+    def shares(self, parameters: Iterable[Iterable[tuple[str, Array]]]) -> dict[str, Array]:
+        """Indices ``[d, m]`` and half their intervals, from the terms ``[n, m]`` of each index of each parameter."""
+        found: dict[str, list[Array]] = {}
+        for terms_of in parameters:
+            for key, each in terms_of:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    value = (self.draws @ each) / (self.of_pairs if key == "Sh" else self.variance)
+                    half = self.factor * value[1:].std(axis=0, ddof=1)
+                found.setdefault(key, []).append(np.where(self.varies, value[0], np.nan))
+                found.setdefault(f"{key}_conf", []).append(np.where(self.varies, half, np.nan))
+        return {key: np.array(values) for key, values in found.items()}
+
+    @cached_property
+    def of_pairs(self) -> Array:
+        """What Shapley effects are parts of, ``[1 + r, m]``."""
+        return np.asarray(self.draws @ (0.5 * (self.scaled[:, 0] - self.scaled[:, -1]) ** 2))
 
 
 def _resampled(blocks: Array, scramble: Array, intervals: Intervals) -> _Resampled:

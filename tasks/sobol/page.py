@@ -15,6 +15,16 @@ from sinew.tasks.sobol.show import correlation_words, specimens_table, stored, s
 
 NAME = "sensitivity"
 SHOWN = 6  # lines in a plot along time
+#: Of each index its key, its words in the legend, its place beside the name, and its colour, marker and filling.
+INDEPENDENT = (
+    ("S1", "first order: alone", 0.17, COLOURS[0], "square", "white"),
+    ("ST", "total order: with all its interactions", -0.17, COLOURS[1], "circle", COLOURS[1]),
+)
+CORRELATED = (
+    ("S1", "first order: alone, and through correlated parameters", 0.25, COLOURS[0], "square", "white"),
+    ("ST", "total order: beyond what the others determine", 0.0, COLOURS[1], "circle", COLOURS[1]),
+    ("Sh", "Shapley effect: its share of the variance", -0.25, COLOURS[2], "diamond", COLOURS[2]),
+)
 
 
 def section(folder: ResultFolder) -> Section:
@@ -68,16 +78,6 @@ def _specimens(result: SobolResult) -> Block:
 
 def _indices(result: SobolResult, level: str) -> Block:
     names = result.names
-    lines = [
-        ("S1", "first order: alone", 0.17, COLOURS[0], "square", "white"),
-        ("ST", "total order: with all its interactions", -0.17, COLOURS[1], "circle", COLOURS[1]),
-    ]
-    if result.correlations:
-        lines = [
-            ("S1", "first order: with what correlated ones tell through it", 0.25, COLOURS[0], "square", "white"),
-            ("ST", "total order: what no other parameter tells", 0.0, COLOURS[1], "circle", COLOURS[1]),
-            ("Sh", "Shapley effect: its share of all", -0.25, COLOURS[2], "diamond", COLOURS[2]),
-        ]
     shown = result.panels() | (dict(result.specimens) if len(result.specimens) > 1 else {})
 
     def columns(values: Any) -> dict[str, Any]:
@@ -92,7 +92,7 @@ def _indices(result: SobolResult, level: str) -> Block:
         plot = plots.figure(across, "", height=110 + 24 * len(names), y_range=[*map(plots.plain, names)][::-1])
         plot.vspan(0.0, line_color=plots.MUTED, line_width=0.8)
         entries = []
-        for key, label, shift, colour, marker, fill in lines[: len(result.keys) // 2]:
+        for key, label, shift, colour, marker, fill in CORRELATED if result.correlations else INDEPENDENT:
             up = dodge("parameter", shift, range=plot.y_range)
             bar = plot.segment(
                 f"{key}_low", up, f"{key}_high", up, source=sources["indices"], color=colour, line_width=1.5

@@ -132,12 +132,12 @@ class Settings(TaskSettings):
                 pair = frozenset((one, other))
                 if len(pair) < 2 or pair in seen:
                     problem = f"{shown(one)} with {shown(other)}" + (" twice" if pair in seen else "")
-                    raise FieldError("correlations", problem, "each two different parameters once")
+                    raise FieldError("correlations", problem, "each pair of different parameters once")
                 seen.add(pair)
         if seen and np.linalg.eigvalsh(self.inputs.of_scores(free))[0] < SMALLEST:
             raise FieldError(
                 "correlations", "contradict each other, or one parameter is nearly a function of others",
-                "weaker ones, such that no parameter follows from the others",
+                "weaker ones: no parameter may follow from the others",
             )  # fmt: skip
 
     def block(self, parameters: int) -> int:

@@ -3,15 +3,15 @@
 ======  ==========================================================================================================
 index   part of the variance
 ======  ==========================================================================================================
-S1      that goes away, on average, when the parameter becomes known, with all that others tell through it
-ST      that is left, on average, when all others are known. It can be smaller than S1
-Sh      Shapley effect: what the parameter adds to those that are already unknown, mean of all orders in which they can
-        become so (Owen 2014, SIAM/ASA J. Uncertain. Quantif. 2, 245; Song, Nelson and Staum 2016, ibid. 4, 1060).
-        None is negative but by sampling error, and together they are 1
+S1      expected reduction if the parameter were known, with what is learned about those that correlate with it
+ST      expected remainder if all other parameters were known. It can be smaller than S1
+Sh      Shapley effect: what the parameter adds to the variance of those before it, averaged over all orders (Owen 2014,
+        SIAM/ASA J. Uncertain. Quantif. 2, 245; Song, Nelson and Staum 2016, ibid. 4, 1060). Shapley effects sum to 1;
+        estimates are negative by sampling error only
 ======  ==========================================================================================================
 
-What is left unknown of an outcome y with parameters u drawn anew as y' is E(y - y')^2 / 2. Each base sample has one
-order, along which ever more parameters are drawn anew; what each adds is its part of the effect.
+If y' is the outcome with some parameters drawn anew, the expected variance due to them is E(y - y')^2 / 2. Each base
+sample has an order in which its parameters are drawn anew, one more at a time; what each adds is its effect there.
 """
 
 from collections.abc import Iterator

@@ -98,9 +98,7 @@ def correlation_words(result: SobolResult) -> str:
 
 def _of_dependent(result: SobolResult) -> str:
     """What Sh is, where there is one."""
-    return (
-        "; Sh: Shapley effects, which share out what correlated parameters do together" if result.correlations else ""
-    )
+    return "; Sh: Shapley effects, which divide what correlated parameters do together" if result.correlations else ""
 
 
 def surrogate_words(result: SobolResult) -> list[str]:

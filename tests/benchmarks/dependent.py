@@ -12,12 +12,10 @@ from sinew.tasks.simulate.inputs import Inputs
 from sinew.tasks.simulate.saltelli import saltelli
 from sinew.tasks.sobol.estimate import estimator
 from sinew.tasks.sobol.method import Intervals
-from tests.benchmarks.common import evaluation
+from tests.benchmarks.sobol import SCRAMBLES, SEEDS, TENDON_SEEDS, objective, tell
 from tests.tasks.sobol.test_dependent import COVARIANCES, linear_truth, model_of, normal_inputs
 
 Array = np.ndarray
-SEEDS, TENDON_SEEDS, SCRAMBLES = 150, 40, 8
-WORTH = 0.01  # an index from which on its coverage counts
 TRUTH = {"Ishigami": 2**17, "tendon": 2**14}  # base samples
 INDICES = ("S1", "ST", "Sh")
 
@@ -50,21 +48,6 @@ def known(case: Case) -> dict[str, Array]:
     return found
 
 
-def covered(case: Case, truth: dict[str, Array], base: int, seeds: int) -> None:
-    every = [estimates(case, base, seed) for seed in range(seeds)]
-    for key in INDICES:
-        apart = np.array([one[key] for one in every]) - truth[key]
-        held = (np.abs(apart) <= np.array([one[f"{key}_conf"] for one in every])).mean(axis=0)
-        worth = truth[key] > WORTH
-        wide = np.median([one[f"{key}_conf"] for one in every], axis=0).max()
-        print(
-            f"  {case.name}, {base} base samples, {seeds} seeds: {key} held in {held[worth].min():.2f} to "
-            f"{held[worth].max():.2f} of {worth.sum()} parameters above {WORTH:g} (mean {held[worth].mean():.3f}), "
-            f"largest bias {np.abs(apart.mean(axis=0)).max():.4f}, widest half-width {wide:.4f}",
-            flush=True,
-        )
-
-
 def linear() -> Case:
     """A sum of five normal parameters, each two of which are correlated by 0.4; the truth is known."""
     slopes, covariance = np.array([1.0, -0.5, 2.0, 0.3, 0.0]), COVARIANCES[5]
@@ -79,19 +62,14 @@ def ishigami() -> Case:
 
 
 def tendon() -> Case:
-    """The objective of one virtual specimen at 5 Hz, of which stiff fibres have a short toe."""
-    model, evaluated = Model(), evaluation(rate_hz=5.0)
-
-    def function(rows: Array) -> Array:
-        parts = np.array_split(rows, max(1, len(rows) // 4096))
-        return np.concatenate([evaluated(part).values["objective"].sum(axis=1) for part in parts])
-
+    """The objective of one virtual specimen, two pairs of whose parameters are correlated."""
     inputs = Inputs(correlations={"E_f": {"alpha_f": -0.6}, "E_m": {"g_1m": 0.5}})
-    return Case("tendon", model, inputs, function)
+    return Case("tendon", Model(), inputs, objective())
 
 
 def main() -> None:
     for case, seeds in ((linear(), SEEDS), (ishigami(), SEEDS), (tendon(), TENDON_SEEDS)):
         truth = known(case)
         for base in (256, 2048):
-            covered(case, truth, base, seeds)
+            every = [estimates(case, base, seed) for seed in range(seeds)]
+            tell(f"{case.name}, {base} base samples", every, {key: truth[key] for key in INDICES})

@@ -2,7 +2,7 @@
 of which a corner fails.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,19 +63,25 @@ def covered(
 ) -> None:
     """Print coverage and bias of both indices, of parameters whose index is worth it."""
     every = [(estimate or estimates)(case, base, seed) for seed in range(seeds)]
-    of = "rows by surrogate" if estimate else "base samples"
-    wide = max(np.median([one[key + "_conf"] for one in every], axis=0).max() for key in ("S1", "ST"))
-    for key, truth in (("S1", case.first), ("ST", case.total)):
+    truth = {"S1": case.first, "ST": case.total}
+    tell(f"{case.name}, {base} {'rows by surrogate' if estimate else 'base samples'}", every, truth)
+
+
+def tell(of: str, every: Sequence[Mapping[str, Array]], known: Mapping[str, Array | None]) -> None:
+    """Print how often the intervals of ``every`` estimate hold the indices that are ``known``, and their errors."""
+    for key, truth in known.items():
         if truth is None:
             continue
         apart = np.array([one[key] for one in every]) - truth
-        held = (np.abs(apart) <= np.array([one[f"{key}_conf"] for one in every])).mean(axis=0)
+        half = np.array([one[f"{key}_conf"] for one in every])
+        held = (np.abs(apart) <= half).mean(axis=0)
         worth = truth > WORTH
         print(
-            f"  {case.name}, {base} {of}, {seeds} seeds: {key} held in {held[worth].min():.2f} to "
+            f"  {of}, {len(every)} seeds: {key} held in {held[worth].min():.2f} to "
             f"{held[worth].max():.2f} of {worth.sum()} parameters above {WORTH:g} (mean {held[worth].mean():.3f}), "
             f"largest bias {np.abs(apart.mean(axis=0)).max():.4f}, median of the largest error "
-            f"{np.median(np.abs(apart).max(axis=1)):.4f}, widest half-width {wide:.4f}",
+            f"{np.median(np.abs(apart).max(axis=1)):.4f}, widest half-width "
+            f"{np.median(half, axis=0).max():.4f}",
             flush=True,
         )
 
@@ -100,14 +106,24 @@ def corner(share: float) -> Case:
     return Case(f"corner of {100 * share:g} % fails", [[0, 1]] * 4, function, np.array(first))
 
 
-def tendon() -> Case:
-    """The objective of one virtual specimen at 5 Hz; the truth is that of a large design of other seeds."""
-    model, evaluated = Model(), evaluation(rate_hz=5.0)
-    unit = [[0.0, 1.0]] * len(model.free)
+def objective() -> Callable[[Array], Array]:
+    """The objective of one virtual specimen at 5 Hz, of rows ``[n, d]`` of the tissue's parameters."""
+    evaluated = evaluation(rate_hz=5.0)
 
     def function(rows: Array) -> Array:
         parts = np.array_split(rows, max(1, len(rows) // 4096))
-        return np.concatenate([evaluated(scaled(model.free, part)).values["objective"].sum(axis=1) for part in parts])
+        return np.concatenate([evaluated(part).values["objective"].sum(axis=1) for part in parts])
+
+    return function
+
+
+def tendon() -> Case:
+    """The objective of one virtual specimen; the truth is that of a large design of other seeds."""
+    model, of_rows = Model(), objective()
+    unit = [[0.0, 1.0]] * len(model.free)
+
+    def function(rows: Array) -> Array:
+        return of_rows(scaled(model.free, rows))
 
     whole = estimates(Case("", unit, function, np.empty(0)), TENDON_TRUTH, 10**6)
     print(f"  tendon: truth from {TENDON_TRUTH} base samples, half-widths up to {whole['S1_conf'].max():.4f} (S1) and "

@@ -362,7 +362,7 @@ def test_letters_that_take_more_memory_leave_room_for_fewer_cells(tmp_path, monk
     path.write_text("\u0436,1,2\n" * 40, "utf-8")
     assert len(read_lines(path)) == 40
     path.write_text("\u0436,1,2\n" * 100, "utf-8")
-    with pytest.raises(BadInput, match="cells of other letters than Latin ones; expected at most 100"):
+    with pytest.raises(BadInput, match="cells, with letters beyond Latin-1; expected at most 100 with such letters"):
         read_lines(path)
 
 

@@ -161,7 +161,7 @@ def test_empty_rows_and_names_of_sheets_have_limits(tmp_path, monkeypatch):
     path = write_workbook(tmp_path / "a.xlsx", one=[[1], *[[None]] * 3, [2], *[[None]] * 3, [3]])
     assert len(list(sheet_reading.lines_of(path.read_bytes()))) == 10
     path = write_workbook(tmp_path / "b.xlsx", one=[[1], *[[None]] * 4, [2]])
-    with pytest.raises(sheet_reading.TooMuch, match="more than 3 empty rows one after the other"):
+    with pytest.raises(sheet_reading.TooMuch, match="more than 3 consecutive empty rows"):
         list(sheet_reading.lines_of(path.read_bytes()))
     path = write_workbook(tmp_path / "c.xlsx", **{"s" * 31: [[1]]})
     assert len(list(sheet_reading.lines_of(path.read_bytes()))) == 2

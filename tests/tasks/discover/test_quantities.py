@@ -25,11 +25,11 @@ from sinew.tasks.model.effects import library
 from sinew.tasks.model.protocols import cyclic, one_step
 from sinew.tasks.simulate.effects import bars_with
 from sinew.tasks.simulate.lateral import lateral
-from sinew.tasks.study import pipeline
 from sinew.tasks.study.measured import key_of_quantities
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.discover.results import CELL, discovery
 from tests.tasks.study.test_pipeline import sinew
+from tests.whole_runs import drawn_in_this_process
 
 TRUTH = {"E_m": 30.0, "E_f": 150.0, "alpha_f": 1500.0, "nu_m": 0.3}
 MODEL, BAR, SD = Model(), Specimen("a/1", 10.0, 8.0, 4.0), 1e-4
@@ -66,10 +66,7 @@ def out(tmp_path_factory, drawing):
     folder = tmp_path_factory.mktemp("quantities")
     write_cohort(folder / "cohort", [pulled()])
     (folder / "study.yaml").write_text(STUDY)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Workspace, "client", lambda _: None)
-        for name, real in drawing.items():
-            patch.setattr(pipeline, name, real)
+    with drawn_in_this_process(drawing):
         sinew("discover", folder / "study.yaml", "--out", folder / "out", "--quiet")
     return folder / "out"
 

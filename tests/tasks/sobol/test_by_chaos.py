@@ -8,8 +8,6 @@ import pytest
 from SALib.test_functions import Ishigami, Sobol_G
 
 from sinew.runner.store.store import open_store
-from sinew.tasks.data.cohort import write_cohort
-from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.model import Model
 from sinew.tasks.simulate.growing import TURN, sizes_up_to
 from sinew.tasks.simulate.inputs import Inputs
@@ -19,9 +17,9 @@ from sinew.tasks.simulate.uniaxial import Uniaxial
 from sinew.tasks.sobol import by_chaos
 from sinew.tasks.sobol.by_chaos import ByChaos, first_and_total, second
 from sinew.tasks.sobol.method import Intervals
-from sinew.tasks.study import pipeline
 from sinew.tasks.study.workspace import Workspace
 from tests.tasks.study.test_pipeline import sinew
+from tests.whole_runs import drawn_in_this_process, study_of_one
 
 A = np.array([0.0, 1.0, 4.5, 9.0, 99.0, 99.0])
 FUNCTIONS = {
@@ -162,20 +160,14 @@ FREE = ("E_f", "alpha_f", "E_m")
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cheap")
-    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
-    write_cohort(folder / "cohort", specimens[:1], truth)
     fixed = (f"    {p.name}: {{fixed: {p.reference}}}\n" for p in Model().parameters if p.name not in FREE)
-    (folder / "study.yaml").write_text(STUDY + "".join(fixed))
-    return folder / "study.yaml"
+    return study_of_one(folder, STUDY + "".join(fixed))
 
 
 @pytest.fixture(scope="module")
 def out(study, drawing):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Workspace, "client", lambda self: None)
+    with drawn_in_this_process(drawing) as patch:
         patch.setattr(by_chaos, "COMPONENTS", 2)  # polynomials of each component take most of the time
-        for name, function in drawing.items():
-            patch.setattr(pipeline, name, function)
         sinew("run", study, "--out", study.parent / "out", "--quiet")
     return study.parent / "out"
 

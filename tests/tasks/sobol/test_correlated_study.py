@@ -8,14 +8,11 @@ import pytest
 
 from sinew.interop import salib_result, salib_samples
 from sinew.runner.errors import BadInput
-from sinew.tasks.data.cohort import write_cohort
-from sinew.tasks.data.virtual import virtual_cohort
 from sinew.tasks.sobol.prose import methods
 from sinew.tasks.sobol.result import SobolResult
 from sinew.tasks.sobol.show import headline, table
-from sinew.tasks.study import pipeline
-from sinew.tasks.study.workspace import Workspace
 from tests.tasks.study.test_pipeline import sinew
+from tests.whole_runs import drawn_in_this_process, study_of_one
 
 STUDY = """
 name: correlated
@@ -35,16 +32,10 @@ store: {points_per_curve: 12}
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory, drawing):
-    folder = tmp_path_factory.mktemp("correlated")
-    specimens, truth = virtual_cohort(seed=1, per_site=1, rate_hz=2.0)
-    write_cohort(folder / "cohort", specimens[:1], truth)
-    (folder / "study.yaml").write_text(STUDY)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Workspace, "client", lambda self: None)
-        for name, function in drawing.items():
-            patch.setattr(pipeline, name, function)
-        sinew("run", folder / "study.yaml", "--out", folder / "out", "--quiet")
-    return folder / "out"
+    study = study_of_one(tmp_path_factory.mktemp("correlated"), STUDY)
+    with drawn_in_this_process(drawing):
+        sinew("run", study, "--out", study.parent / "out", "--quiet")
+    return study.parent / "out"
 
 
 @pytest.fixture(scope="module")

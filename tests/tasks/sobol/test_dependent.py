@@ -115,6 +115,7 @@ def test_what_is_not_drawn_anew_stays_as_it_is():
     blocks = design.free_rows.reshape(64, design.block, 6)
     stays = blocks == blocks[:, :1]
     count = len(design.names)
+    assert design.block == 3 * count - 1
     for number, places in enumerate(design.members):
         of = np.isin(np.arange(6), places)
         assert (stays[:, 1 + number] == ~of).all()
